@@ -1,0 +1,1 @@
+//! Free forms: quadrics with cubic perturbations and their unions, ray traced exactly

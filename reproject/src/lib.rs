@@ -1,0 +1,1 @@
+//! Reprojection of radiance records to new points with bit masks

@@ -1,0 +1,1 @@
+//! Meshes, free forms, materials, lights and cameras, their acceleration structure and their files
