@@ -1,0 +1,145 @@
+//! What a scene holds before it is built: plain data, as the readers give it and as a caller may write it.
+//!
+//! Everything is public and nothing is checked here; [`Scene::new`](crate::Scene::new) checks every number and index once.
+
+use freeform::Solid;
+use glam::{Vec2, Vec3};
+
+use crate::{Camera, Environment, Texture};
+
+/// A whole scene as data: indices in `meshes` and `forms` point into `materials`, those in `materials` into `textures`.
+#[derive(Debug, Clone, Default)]
+pub struct Description {
+    /// Triangle meshes.
+    pub meshes: Vec<Mesh>,
+    /// Free forms.
+    pub forms: Vec<FormObject>,
+    /// Materials, referred to by index.
+    pub materials: Vec<Material>,
+    /// Textures, referred to by index from materials.
+    pub textures: Vec<Texture>,
+    /// Point and directional lights; triangles whose material emits are lights of their own.
+    pub lights: Vec<PunctualLight>,
+    /// The surroundings at infinity; black where there are none.
+    pub environment: Option<Environment>,
+    /// The camera; the whole scene is framed where there is none.
+    pub camera: Option<Camera>,
+}
+
+/// Marks a corner of a [`Mesh`] without a normal or without texture coordinates.
+pub const NO_INDEX: u32 = u32::MAX;
+
+/// Triangles with separate index streams for positions, normals and texture coordinates, as OBJ has them.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Name for messages.
+    pub name: String,
+    /// Positions in metres.
+    pub positions: Vec<Vec3>,
+    /// Normals, of any length but zero.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, v = 0 is the lowest row.
+    pub uvs: Vec<Vec2>,
+    /// Three indices into `positions` a triangle; counter-clockwise is the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Three indices into `normals` a triangle, [`NO_INDEX`] for a flat one. Empty, or as long as `triangles`.
+    pub normal_indices: Vec<[u32; 3]>,
+    /// Three indices into `uvs` a triangle, [`NO_INDEX`] for none. Empty, or as long as `triangles`.
+    pub uv_indices: Vec<[u32; 3]>,
+    /// The material of each triangle.
+    pub materials: Vec<u32>,
+}
+
+/// A free form with its material.
+#[derive(Debug, Clone)]
+pub struct FormObject {
+    /// Name for messages.
+    pub name: String,
+    /// The body.
+    pub solid: Solid,
+    /// Index of its material.
+    pub material: u32,
+}
+
+/// A surface as the sum of a diffuse and a specular part (paper, eq. 5), with emission and cut-out.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// Name for messages.
+    pub name: String,
+    /// Diffuse albedo, linear RGB in [0, 1], multiplied by `diffuse_texture`.
+    pub diffuse: Vec3,
+    /// Index of a texture for `diffuse`.
+    pub diffuse_texture: Option<u32>,
+    /// The specular part.
+    pub specular: SpecularKind,
+    /// Radiance that the front gives off, W m^-2 sr^-1.
+    pub emission: Vec3,
+    /// Share of the surface that is there, in [0, 1]; multiplied by `opacity_texture`.
+    pub opacity: f32,
+    /// Index of a texture (its mean of RGB, not made linear) for `opacity`.
+    pub opacity_texture: Option<u32>,
+}
+
+/// The specular part of a [`Material`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpecularKind {
+    /// None: Lambert alone.
+    None,
+    /// A GGX lobe of width `alpha`. The diffuse part beneath is scaled by 1 - `reflectance`.
+    Ggx {
+        /// Microfacet width, in (0, 1].
+        alpha: f32,
+        /// Constant factor, or reflectance at normal incidence where `schlick` is set.
+        reflectance: Vec3,
+        /// Whether Schlick's Fresnel term raises the reflectance to 1 at grazing angles.
+        schlick: bool,
+    },
+    /// A perfect mirror.
+    Mirror {
+        /// Share of the light that is reflected.
+        reflectance: Vec3,
+    },
+    /// A smooth dielectric body; `diffuse` is not used.
+    Dielectric {
+        /// Refractive index of the inside over that of the outside.
+        ior: f32,
+        /// Factor for light that passes the surface.
+        tint: Vec3,
+        /// Absorption coefficient inside, per metre.
+        absorption: Vec3,
+    },
+}
+
+/// A light without extent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PunctualLight {
+    /// Shines from a point in all directions.
+    Point {
+        /// Position, metres.
+        position: Vec3,
+        /// Radiant intensity, W sr^-1.
+        intensity: Vec3,
+    },
+    /// Shines from infinity.
+    Directional {
+        /// The direction in which the light travels, of any length but zero.
+        direction: Vec3,
+        /// Irradiance on a surface at right angles to it, W m^-2.
+        irradiance: Vec3,
+    },
+}
+
+impl Default for Material {
+    /// Grey Lambert of albedo 0.5, opaque and dark.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            diffuse: Vec3::splat(0.5),
+            diffuse_texture: None,
+            specular: SpecularKind::None,
+            emission: Vec3::ZERO,
+            opacity: 1.0,
+            opacity_texture: None,
+        }
+    }
+}
