@@ -1,1 +1,21 @@
-//! Records of incident radiance: textures, surface elements in depth layers, and the search for a record
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod codec;
+mod elements;
+mod index;
+mod layers;
+mod merge;
+mod record;
+mod samples;
+mod silhouette;
+mod validity;
+
+pub use codec::{CodecError, FORMAT_VERSION, from_bytes, to_bytes};
+pub use elements::{Elements, LANES, Sides};
+pub use index::{Found, Index};
+pub use layers::depth_layers;
+pub use merge::{Block, MergeSettings};
+pub use record::{Record, RecordSettings};
+pub use samples::{MAX_RESOLUTION, Samples};
+pub use validity::Validity;

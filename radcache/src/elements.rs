@@ -1,0 +1,300 @@
+//! S-elements as a structure of arrays: what a reprojection reads, and nothing else.
+
+use std::ops::{BitOr, Range};
+
+use glam::{Vec2, Vec3A};
+use serde::{Deserialize, Serialize};
+
+use crate::merge::{Block, MergeSettings, merge};
+use crate::silhouette::{plane_distance, silhouettes};
+use crate::{Samples, depth_layers};
+
+/// The arrays of [`Elements`] are padded to a multiple of this, with elements of no area.
+pub const LANES: usize = 16;
+
+/// A set of sides of an element: which of them are silhouettes against something farther.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Sides(pub u8);
+
+impl Sides {
+    /// No side.
+    pub const NONE: Self = Self(0);
+    /// The side at smaller v.
+    pub const BOTTOM: Self = Self(1);
+    /// The side at larger u.
+    pub const RIGHT: Self = Self(2);
+    /// The side at larger v.
+    pub const TOP: Self = Self(4);
+    /// The side at smaller u.
+    pub const LEFT: Self = Self(8);
+
+    /// Whether side `k`, from corner k to corner k + 1, is in the set.
+    #[must_use]
+    pub fn has(self, k: usize) -> bool {
+        self.0 >> k & 1 == 1
+    }
+
+    /// Whether the set holds all of `other`.
+    #[must_use]
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
+impl BitOr for Sides {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+/// The s-elements of a record, nearest layer first, in the frame of the record and relative to its centre.
+///
+/// Corners run round the element: (u0, v0), (u1, v0), (u1, v1), (u0, v1). An element at infinity has `finite` 0 and
+/// directions as corners. Each array is [`Self::padded_len`] long.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Elements {
+    /// x of the four corners, metres.
+    pub x: [Vec<f32>; 4],
+    /// y of the four corners, metres.
+    pub y: [Vec<f32>; 4],
+    /// z of the four corners, metres; not negative.
+    pub z: [Vec<f32>; 4],
+    /// 1 for an element at a distance, 0 for one at infinity, which does not move.
+    pub finite: Vec<f32>,
+    /// Mean radiance, W m^-2 sr^-1: red, green, blue.
+    pub radiance: [Vec<f32>; 3],
+    /// First column and row of its texels in the record.
+    pub start: Vec<[u8; 2]>,
+    /// Columns and rows of its texels in the record.
+    pub size: Vec<[u8; 2]>,
+    /// Sides that are silhouettes.
+    pub sides: Vec<Sides>,
+    /// Start of each layer, and the number of elements at the end.
+    pub(crate) layer_starts: Vec<u32>,
+}
+
+impl Elements {
+    /// Divides samples into elements in `layers` depth layers.
+    pub(crate) fn new(samples: &Samples, layers: usize, settings: &MergeSettings) -> Self {
+        let n = samples.resolution();
+        let mut layer_of = vec![0; n * n];
+        depth_layers(&samples.distance, layers, &mut layer_of);
+        let mut blocks = merge(samples, &layer_of, settings);
+        // Stable, so that the order inside a layer is that of the texels.
+        blocks.sort_by_key(|b| b.layer);
+        let mut layer_starts = vec![0; layers + 1];
+        for block in &blocks {
+            layer_starts[usize::from(block.layer) + 1] += 1;
+        }
+        for layer in 0..layers {
+            layer_starts[layer + 1] += layer_starts[layer];
+        }
+        let texel_sides = silhouettes(samples);
+        let padded = blocks.len().next_multiple_of(LANES);
+        let zeros = || vec![0.0; padded];
+        let mut elements = Self {
+            x: std::array::from_fn(|_| zeros()),
+            y: std::array::from_fn(|_| zeros()),
+            z: std::array::from_fn(|_| zeros()),
+            finite: vec![1.0; padded],
+            radiance: std::array::from_fn(|_| zeros()),
+            start: vec![[0; 2]; padded],
+            size: vec![[0; 2]; padded],
+            sides: vec![Sides::NONE; padded],
+            layer_starts,
+        };
+        for (e, block) in blocks.iter().enumerate() {
+            elements.fill(e, block, samples, &texel_sides);
+        }
+        elements
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.layer_starts.last().map_or(0, |&count| count as usize)
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Length of the arrays, a multiple of [`LANES`].
+    #[must_use]
+    pub fn padded_len(&self) -> usize {
+        self.finite.len()
+    }
+
+    /// Number of depth layers.
+    #[must_use]
+    pub fn layer_count(&self) -> usize {
+        self.layer_starts.len() - 1
+    }
+
+    /// The elements of a layer, 0 the nearest.
+    #[must_use]
+    pub fn layer(&self, layer: usize) -> Range<usize> {
+        self.layer_starts[layer] as usize..self.layer_starts[layer + 1] as usize
+    }
+
+    /// Corner `k` of element `e`, in the frame of the record.
+    #[must_use]
+    pub fn corner(&self, e: usize, k: usize) -> Vec3A {
+        Vec3A::new(self.x[k][e], self.y[k][e], self.z[k][e])
+    }
+
+    /// Bytes that the arrays take.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.padded_len() * (16 * size_of::<f32>() + 4 + size_of::<Sides>())
+            + self.layer_starts.len() * 4
+    }
+
+    fn fill(&mut self, e: usize, block: &Block, samples: &Samples, texel_sides: &[Sides]) {
+        let n = samples.resolution();
+        let [i0, j0] = block.start.map(usize::from);
+        let [w, h] = block.size.map(usize::from);
+        let texels = || (j0..j0 + h).flat_map(move |j| (i0..i0 + w).map(move |i| j * n + i));
+        let range = texels().fold((f32::INFINITY, 0.0f32), |(lo, hi), t| {
+            (lo.min(samples.distance[t]), hi.max(samples.distance[t]))
+        });
+        let corners = [(i0, j0), (i0 + w, j0), (i0 + w, j0 + h), (i0, j0 + h)];
+        for (k, (i, j)) in corners.into_iter().enumerate() {
+            let uv = Vec2::new(i as f32, j as f32) / n as f32;
+            let corner = corner_point(hemimap::square_to_cosine_hemisphere(uv), block, range);
+            self.x[k][e] = corner.x;
+            self.y[k][e] = corner.y;
+            self.z[k][e] = corner.z;
+        }
+        self.finite[e] = if block.is_infinite() { 0.0 } else { 1.0 };
+        let sum: glam::DVec3 = texels().map(|t| samples.radiance[t].as_dvec3()).sum();
+        let mean = (sum / (w * h) as f64).as_vec3();
+        for (channel, value) in self.radiance.iter_mut().zip(mean.to_array()) {
+            channel[e] = value;
+        }
+        self.start[e] = block.start;
+        self.size[e] = block.size;
+        self.sides[e] = element_sides(texel_sides, n, [i0, j0], [w, h]);
+    }
+}
+
+/// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity.
+///
+/// A plane seen at a grazing angle runs off to infinity inside one texel, so the distance stays within a factor of the range
+/// that its rays found.
+fn corner_point(direction: Vec3A, block: &Block, (nearest, farthest): (f32, f32)) -> Vec3A {
+    /// A texel next to the horizon of a plane spans about this factor in distance on either side of its centre.
+    const STRETCH: f32 = 2.0;
+    if block.is_infinite() {
+        return direction;
+    }
+    let t = plane_distance(block.centre(), block.normal(), direction);
+    // A normal of zero gives NaN, which `clamp` would keep.
+    let t = if t.is_nan() {
+        farthest
+    } else {
+        t.clamp(nearest / STRETCH, farthest * STRETCH)
+    };
+    direction * t
+}
+
+/// A side of an element is a silhouette if it is one for any of the texels along it.
+fn element_sides(
+    texel_sides: &[Sides],
+    n: usize,
+    [i0, j0]: [usize; 2],
+    [w, h]: [usize; 2],
+) -> Sides {
+    let row = |j: usize, side| (i0..i0 + w).any(|i| texel_sides[j * n + i].contains(side));
+    let column = |i: usize, side| (j0..j0 + h).any(|j| texel_sides[j * n + i].contains(side));
+    let mut sides = Sides::NONE;
+    let found = [
+        (Sides::BOTTOM, row(j0, Sides::BOTTOM)),
+        (Sides::TOP, row(j0 + h - 1, Sides::TOP)),
+        (Sides::LEFT, column(i0, Sides::LEFT)),
+        (Sides::RIGHT, column(i0 + w - 1, Sides::RIGHT)),
+    ];
+    for (side, is_silhouette) in found {
+        if is_silhouette {
+            sides = sides | side;
+        }
+    }
+    sides
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn ceiling(n: usize) -> Samples {
+        Samples::from_fn(n, |wi| {
+            (Vec3::new(wi.x, 1.0, 2.0), 2.0 / wi.z, Vec3A::NEG_Z)
+        })
+    }
+
+    #[test]
+    fn corners_lie_on_the_plane() {
+        let elements = Elements::new(&ceiling(16), 8, &MergeSettings::default());
+        let mut checked = 0;
+        for e in 0..elements.len() {
+            for k in 0..4 {
+                let c = elements.corner(e, k);
+                // At the rim the plane runs off to infinity and the corner is held back.
+                if c.normalize().z > 0.5 {
+                    assert!((c.z - 2.0).abs() < 1e-5, "element {e} corner {k}: {c}");
+                    checked += 1;
+                }
+            }
+        }
+        assert!(checked > 100, "most corners are far from the rim");
+    }
+
+    #[test]
+    fn radiance_and_order_are_kept() {
+        let samples = ceiling(16);
+        let elements = Elements::new(&samples, 8, &MergeSettings::default());
+        let mut sum = glam::DVec3::ZERO;
+        for e in 0..elements.len() {
+            let texels = f64::from(elements.size[e][0]) * f64::from(elements.size[e][1]);
+            sum += Vec3::from_array(std::array::from_fn(|c| elements.radiance[c][e])).as_dvec3()
+                * texels;
+        }
+        let whole = samples.mean_radiance().as_dvec3() * 256.0;
+        assert!(
+            (sum - whole).length() < 1e-6 * whole.length(),
+            "{sum} against {whole}"
+        );
+        let mut next = 0;
+        for layer in 0..elements.layer_count() {
+            let range = elements.layer(layer);
+            assert_eq!(range.start, next, "layers follow each other");
+            next = range.end;
+        }
+        assert_eq!(next, elements.len(), "and hold all");
+        assert_eq!(elements.padded_len() % LANES, 0, "padded");
+    }
+
+    #[test]
+    fn the_surroundings_are_directions() {
+        let sky = Samples::from_fn(8, |wi| (Vec3::ONE, f32::INFINITY, -wi));
+        let elements = Elements::new(&sky, 4, &MergeSettings::default());
+        for e in 0..elements.len() {
+            assert_eq!(elements.finite[e], 0.0, "at infinity");
+            for k in 0..4 {
+                assert!(
+                    (elements.corner(e, k).length() - 1.0).abs() < 1e-5,
+                    "unit directions"
+                );
+            }
+        }
+        assert_eq!(
+            elements.layer(3).len(),
+            elements.len(),
+            "all in the last layer"
+        );
+    }
+}

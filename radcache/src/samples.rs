@@ -1,0 +1,167 @@
+//! What a gather brings home: n x n texels of radiance, distance and normal over the hemisphere.
+
+use glam::{Vec2, Vec3, Vec3A};
+use serde::{Deserialize, Serialize};
+
+/// The largest resolution of a record: a row of a bit mask is one machine word.
+pub const MAX_RESOLUTION: usize = 64;
+
+/// `n x n` samples of incident radiance, texel `(i, j)` at index `j * n + i`; u runs with i, v with j.
+///
+/// Directions and normals are in the frame of the record, z along its normal. A texel covers the square
+/// `[i, i+1) x [j, j+1)` divided by n, of solid angle pi / (n^2 cos theta): the map preserves area, so the plain mean of
+/// `radiance` is irradiance / pi.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Samples {
+    pub(crate) n: u32,
+    /// Where in its texel each ray went, in [0, 1) along u and v.
+    pub(crate) jitter: Vec<Vec2>,
+    /// Incident radiance, W m^-2 sr^-1.
+    pub radiance: Vec<Vec3>,
+    /// Distance to the hit in metres; infinite for the surroundings.
+    pub distance: Vec<f32>,
+    /// Unit normal of the hit, turned to the record; any value where the distance is infinite.
+    pub normal: Vec<Vec3>,
+}
+
+impl Samples {
+    /// Black texels at infinity, to be filled by the caller; rays go through the centres of the texels.
+    ///
+    /// # Panics
+    /// If `n` is 0 or above [`MAX_RESOLUTION`].
+    #[must_use]
+    pub fn new(n: usize) -> Self {
+        assert!(
+            (1..=MAX_RESOLUTION).contains(&n),
+            "resolution must lie in 1..=64"
+        );
+        let count = n * n;
+        Self {
+            n: u32::try_from(n).expect("n <= 64"),
+            jitter: vec![Vec2::splat(0.5); count],
+            radiance: vec![Vec3::ZERO; count],
+            distance: vec![f32::INFINITY; count],
+            normal: vec![Vec3::Z; count],
+        }
+    }
+
+    /// Evaluates `look(wi) -> (radiance, distance, normal)` through the centre of each texel, all in the frame of the record.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    #[must_use]
+    pub fn from_fn(n: usize, mut look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Self {
+        let mut samples = Self::new(n);
+        for texel in 0..n * n {
+            let (radiance, distance, normal) = look(samples.direction(texel));
+            samples.set(texel, radiance, distance, normal);
+        }
+        samples
+    }
+
+    /// Moves the ray of a texel to `jitter` in [0, 1)^2 of the texel, before it is traced.
+    pub fn set_jitter(&mut self, texel: usize, jitter: Vec2) {
+        self.jitter[texel] = jitter;
+    }
+
+    /// Stores what the ray of a texel met. A distance that is not a number counts as infinite, a negative one as zero.
+    pub fn set(&mut self, texel: usize, radiance: Vec3, distance: f32, normal: Vec3A) {
+        self.radiance[texel] = radiance;
+        self.distance[texel] = if distance.is_nan() {
+            f32::INFINITY
+        } else {
+            distance.max(0.0)
+        };
+        self.normal[texel] = normal.into();
+    }
+
+    /// Texels along a side.
+    #[must_use]
+    pub fn resolution(&self) -> usize {
+        self.n as usize
+    }
+
+    /// The unit direction of a texel's ray, in the frame of the record.
+    #[must_use]
+    pub fn direction(&self, texel: usize) -> Vec3A {
+        let n = self.n as usize;
+        let corner = Vec2::new((texel % n) as f32, (texel / n) as f32);
+        hemimap::square_to_cosine_hemisphere((corner + self.jitter[texel]) / n as f32)
+    }
+
+    /// The point that a texel's ray met, relative to the record, in its frame; the bare direction where that is infinitely far.
+    #[must_use]
+    pub fn point(&self, texel: usize) -> Vec3A {
+        let distance = self.distance[texel];
+        self.direction(texel) * if distance.is_finite() { distance } else { 1.0 }
+    }
+
+    /// Mean of the texels: irradiance / pi.
+    #[must_use]
+    pub fn mean_radiance(&self) -> Vec3 {
+        let sum: glam::DVec3 = self.radiance.iter().map(|l| l.as_dvec3()).sum();
+        (sum / self.radiance.len() as f64).as_vec3()
+    }
+
+    /// Harmonic mean of the distances in metres, infinite if nothing is near; the directions are cosine-distributed.
+    #[must_use]
+    pub fn harmonic_distance(&self) -> f32 {
+        let sum: f64 = self
+            .distance
+            .iter()
+            .map(|&d| 1.0 / f64::from(d.max(1e-30)))
+            .sum();
+        #[expect(clippy::cast_possible_truncation, reason = "a distance of f32 range")]
+        let mean = (self.distance.len() as f64 / sum) as f32;
+        mean
+    }
+
+    /// The smallest distance of any texel, metres.
+    #[must_use]
+    pub fn nearest_distance(&self) -> f32 {
+        self.distance.iter().copied().fold(f32::INFINITY, f32::min)
+    }
+
+    /// Share of the texels nearer than `limit` metres.
+    #[must_use]
+    pub fn share_nearer_than(&self, limit: f32) -> f32 {
+        self.distance.iter().filter(|&&d| d < limit).count() as f32 / self.distance.len() as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn harmonic_mean_distance_is_known() {
+        // Under an infinite ceiling at height h: 1.5 h with cosine-distributed directions.
+        let ceiling = Samples::from_fn(64, |wi| (Vec3::ONE, 1.0 / wi.z, Vec3A::NEG_Z));
+        assert!(
+            (ceiling.harmonic_distance() - 1.5).abs() < 5e-3,
+            "{}",
+            ceiling.harmonic_distance()
+        );
+        let sphere = Samples::from_fn(8, |wi| (Vec3::ONE, 3.0, -wi));
+        assert!(
+            (sphere.harmonic_distance() - 3.0).abs() < 1e-6,
+            "centre of a sphere"
+        );
+        let sky = Samples::from_fn(8, |wi| (Vec3::ONE, f32::INFINITY, -wi));
+        assert_eq!(sky.harmonic_distance(), f32::INFINITY, "open sky");
+    }
+
+    #[test]
+    fn odd_distances_are_made_sane() {
+        let mut samples = Samples::new(2);
+        samples.set(0, Vec3::ONE, f32::NAN, Vec3A::Z);
+        samples.set(1, Vec3::ONE, -1.0, Vec3A::Z);
+        assert_eq!(
+            samples.distance[0],
+            f32::INFINITY,
+            "NaN is the surroundings"
+        );
+        assert_eq!(samples.distance[1], 0.0, "negative is touching");
+        assert!(samples.harmonic_distance() > 0.0, "never zero or NaN");
+    }
+}

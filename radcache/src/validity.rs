@@ -1,0 +1,130 @@
+//! How far a record reaches, and when it must not be used at all.
+
+use glam::Vec3A;
+
+use crate::{Record, Samples};
+
+/// Rules for the reach of records. Lengths are metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Validity {
+    /// Reach as a share of the harmonic mean distance (Ward, Rubinstein, Clear 1988).
+    pub spacing: f32,
+    /// Smallest reach: without it records crowd together in corners, where the harmonic mean goes to zero.
+    pub min_radius: f32,
+    /// Largest reach.
+    pub max_radius: f32,
+    /// Smallest cosine between the normals of record and point.
+    pub min_normal_cos: f32,
+    /// Texels nearer than this count as touching.
+    pub touching_distance: f32,
+    /// Records with more than this share of touching texels start outside the geometry or in a seam and are refused.
+    pub max_touching_share: f32,
+}
+
+impl Default for Validity {
+    /// Spacing 0.3, normals within 26 degrees, 2 % of the texels may touch; the radius is not limited.
+    fn default() -> Self {
+        Self {
+            spacing: 0.3,
+            min_radius: 0.0,
+            max_radius: f32::INFINITY,
+            min_normal_cos: 0.9,
+            touching_distance: 0.0,
+            max_touching_share: 0.02,
+        }
+    }
+}
+
+impl Validity {
+    /// The reach of a record with these samples: 0 for one that must not serve anybody.
+    ///
+    /// It never exceeds the distance to the nearest hit beyond the smallest radius, so that it cannot reach through a wall.
+    #[must_use]
+    pub fn radius(&self, samples: &Samples) -> f32 {
+        if self.refuses(samples) {
+            return 0.0;
+        }
+        /// Below 1, because the rays of the texels nearest to the horizon still rise a little above the tangent plane.
+        const NEAREST_SHARE: f32 = 0.9;
+        let nearest = NEAREST_SHARE * samples.nearest_distance();
+        let reach = (self.spacing * samples.harmonic_distance()).min(nearest);
+        reach.max(self.min_radius).min(self.max_radius)
+    }
+
+    /// Whether the samples started outside the geometry: too many rays ended at once.
+    #[must_use]
+    pub fn refuses(&self, samples: &Samples) -> bool {
+        samples.share_nearer_than(self.touching_distance) > self.max_touching_share
+    }
+
+    /// How ill a record fits a point with unit normal `n`: 0 at the record itself, above 1 where it must not be used.
+    #[must_use]
+    pub fn misfit(&self, record: &Record, p: Vec3A, n: Vec3A) -> f32 {
+        let cos = n.dot(record.frame().n);
+        let d = p - record.centre();
+        // Points off the tangent plane see past the horizon of the record, so height counts double.
+        let height = d.dot(record.frame().n).abs();
+        let distance = (d.length_squared() + 3.0 * height * height).sqrt();
+        if cos < self.min_normal_cos || record.radius() <= 0.0 {
+            return f32::INFINITY;
+        }
+        distance / record.radius() + (1.0 - cos) / (1.0 - self.min_normal_cos) * 0.5
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn radius_follows_the_geometry() {
+        let ceiling = Samples::from_fn(16, |wi| (Vec3::ONE, 2.0 / wi.z, Vec3A::NEG_Z));
+        let rules = Validity::default();
+        assert!(
+            (rules.radius(&ceiling) - 0.9).abs() < 0.02,
+            "0.3 times 1.5 times the height"
+        );
+        let capped = Validity {
+            max_radius: 0.5,
+            ..rules
+        };
+        assert_eq!(capped.radius(&ceiling), 0.5, "capped");
+        let sky = Samples::from_fn(16, |wi| (Vec3::ONE, f32::INFINITY, -wi));
+        assert_eq!(capped.radius(&sky), 0.5, "an open sky reaches the cap");
+    }
+
+    #[test]
+    fn a_record_beside_a_wall_does_not_reach_through_it() {
+        let wall = Samples::from_fn(32, |wi| {
+            (
+                Vec3::ONE,
+                if wi.x > 0.0 { 0.1 / wi.x } else { 50.0 },
+                Vec3A::NEG_X,
+            )
+        });
+        let radius = Validity {
+            spacing: 2.0,
+            ..Validity::default()
+        }
+        .radius(&wall);
+        assert!(radius <= 0.1, "{radius}");
+    }
+
+    #[test]
+    fn records_that_start_outside_are_refused() {
+        let seam = Samples::from_fn(16, |wi| {
+            (Vec3::ONE, if wi.x > 0.0 { 1e-7 } else { 5.0 }, -wi)
+        });
+        let rules = Validity {
+            touching_distance: 1e-5,
+            min_radius: 0.2,
+            ..Validity::default()
+        };
+        assert_eq!(
+            rules.radius(&seam),
+            0.0,
+            "refused in spite of the smallest radius"
+        );
+    }
+}
