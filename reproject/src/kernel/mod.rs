@@ -1,0 +1,6 @@
+//! The kernels of the reprojection. The scalar one is the specification; others must give the same bits.
+
+mod scalar;
+
+pub use scalar::project_corners;
+pub(crate) use scalar::direction_to_square;
