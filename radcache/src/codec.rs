@@ -62,9 +62,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Vec<Record>, CodecError> {
     if header[..8] != MAGIC {
         return Err(CodecError::Magic);
     }
-    let word = |at: usize| {
-        u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]])
-    };
+    let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
     if word(8) > FORMAT_VERSION || word(8) == 0 {
         return Err(CodecError::Version { found: word(8) });
     }
@@ -73,10 +71,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Vec<Record>, CodecError> {
     }
     let records: Vec<Record> = postcard::from_bytes(body)?;
     for (number, record) in records.iter().enumerate() {
-        check(record).map_err(|what| CodecError::Invalid {
-            record: number,
-            what,
-        })?;
+        check(record).map_err(|what| CodecError::Invalid { record: number, what })?;
     }
     Ok(records)
 }
@@ -85,14 +80,10 @@ fn check(record: &Record) -> Result<(), &'static str> {
     let ensure = |holds: bool, what| if holds { Ok(()) } else { Err(what) };
     ensure(record.centre.is_finite(), "its centre is not finite")?;
     let [s, t, n] = record.frame;
-    let orthonormal = (s.cross(t) - n).length() < 1e-3
-        && (s.length() - 1.0).abs() < 1e-3
-        && (n.length() - 1.0).abs() < 1e-3;
+    let orthonormal =
+        (s.cross(t) - n).length() < 1e-3 && (s.length() - 1.0).abs() < 1e-3 && (n.length() - 1.0).abs() < 1e-3;
     ensure(orthonormal, "its frame is not orthonormal")?;
-    ensure(
-        record.radius >= 0.0 && record.harmonic_distance >= 0.0,
-        "its radius is negative or not a number",
-    )?;
+    ensure(record.radius >= 0.0 && record.harmonic_distance >= 0.0, "its radius is negative or not a number")?;
     check_samples(&record.samples)?;
     check_elements(&record.elements, record.samples.resolution())
 }
@@ -103,18 +94,11 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
         return Err("its resolution is not in 1..=64");
     }
     let count = n * n;
-    let lengths = [
-        samples.jitter.len(),
-        samples.radiance.len(),
-        samples.distance.len(),
-        samples.normal.len(),
-    ];
+    let lengths = [samples.jitter.len(), samples.radiance.len(), samples.distance.len(), samples.normal.len()];
     if lengths.iter().any(|&length| length != count) {
         return Err("a texture is not n x n");
     }
-    if !samples.radiance.iter().all(|l| l.is_finite())
-        || !samples.distance.iter().all(|&d| d >= 0.0)
-    {
+    if !samples.radiance.iter().all(|l| l.is_finite()) || !samples.distance.iter().all(|&d| d >= 0.0) {
         return Err("a texel is not finite");
     }
     Ok(())
@@ -122,20 +106,11 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
 
 fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
     let starts = &elements.layer_starts;
-    if starts.len() < 2
-        || starts.len() > 257
-        || starts[0] != 0
-        || starts.windows(2).any(|w| w[0] > w[1])
-    {
+    if starts.len() < 2 || starts.len() > 257 || starts[0] != 0 || starts.windows(2).any(|w| w[0] > w[1]) {
         return Err("its layers are not in order");
     }
     let padded = elements.len().next_multiple_of(crate::LANES);
-    let floats = elements
-        .x
-        .iter()
-        .chain(&elements.y)
-        .chain(&elements.z)
-        .chain(&elements.radiance);
+    let floats = elements.x.iter().chain(&elements.y).chain(&elements.z).chain(&elements.radiance);
     let lengths = floats.clone().map(Vec::len).chain([
         elements.finite.len(),
         elements.start.len(),
@@ -145,29 +120,16 @@ fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
     if elements.len() > n * n || lengths.into_iter().any(|length| length != padded) {
         return Err("its arrays of elements differ in length");
     }
-    if !floats
-        .chain([&elements.finite])
-        .flatten()
-        .all(|x| x.is_finite())
-    {
+    if !floats.chain([&elements.finite]).flatten().all(|x| x.is_finite()) {
         return Err("an element is not finite");
     }
     let texels: usize = (0..elements.len())
         .map(|e| {
-            let fits = (0..2)
-                .all(|a| usize::from(elements.start[e][a]) + usize::from(elements.size[e][a]) <= n);
-            if fits {
-                usize::from(elements.size[e][0]) * usize::from(elements.size[e][1])
-            } else {
-                0
-            }
+            let fits = (0..2).all(|a| usize::from(elements.start[e][a]) + usize::from(elements.size[e][a]) <= n);
+            if fits { usize::from(elements.size[e][0]) * usize::from(elements.size[e][1]) } else { 0 }
         })
         .sum();
-    if texels == n * n {
-        Ok(())
-    } else {
-        Err("its elements do not cover the texture once")
-    }
+    if texels == n * n { Ok(()) } else { Err("its elements do not cover the texture once") }
 }
 
 #[cfg(test)]
@@ -178,24 +140,10 @@ mod tests {
 
     fn records() -> Vec<Record> {
         let samples = Samples::from_fn(8, |wi| {
-            (
-                Vec3::new(1.0, wi.x.abs(), 0.5),
-                if wi.y > 0.5 {
-                    f32::INFINITY
-                } else {
-                    2.0 / wi.z
-                },
-                Vec3A::NEG_Z,
-            )
+            (Vec3::new(1.0, wi.x.abs(), 0.5), if wi.y > 0.5 { f32::INFINITY } else { 2.0 / wi.z }, Vec3A::NEG_Z)
         });
         let frame = hemimap::Frame::from_normal(Vec3A::new(0.6, 0.0, 0.8));
-        vec![Record::new(
-            Vec3A::ONE,
-            frame,
-            samples,
-            &RecordSettings::default(),
-            &Validity::default(),
-        )]
+        vec![Record::new(Vec3A::ONE, frame, samples, &RecordSettings::default(), &Validity::default())]
     }
 
     #[test]
@@ -219,12 +167,7 @@ mod tests {
     fn newer_versions_are_refused_by_number() {
         let mut bytes = to_bytes(&records()).unwrap();
         bytes[8] = 9;
-        assert!(
-            from_bytes(&bytes)
-                .unwrap_err()
-                .to_string()
-                .contains("version 9")
-        );
+        assert!(from_bytes(&bytes).unwrap_err().to_string().contains("version 9"));
     }
 
     #[test]
@@ -232,9 +175,7 @@ mod tests {
         let wrong = |change: fn(&mut Record)| {
             let mut records = records();
             change(&mut records[0]);
-            from_bytes(&to_bytes(&records).unwrap())
-                .unwrap_err()
-                .to_string()
+            from_bytes(&to_bytes(&records).unwrap()).unwrap_err().to_string()
         };
         assert!(wrong(|r| r.radius = f32::NAN).contains("radius"));
         assert!(wrong(|r| r.samples.radiance[3].x = f32::INFINITY).contains("texel"));

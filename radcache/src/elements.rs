@@ -149,8 +149,7 @@ impl Elements {
     /// Bytes that the arrays take.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.padded_len() * (16 * size_of::<f32>() + 4 + size_of::<Sides>())
-            + self.layer_starts.len() * 4
+        self.padded_len() * (16 * size_of::<f32>() + 4 + size_of::<Sides>()) + self.layer_starts.len() * 4
     }
 
     fn fill(&mut self, e: usize, block: &Block, samples: &Samples, texel_sides: &[Sides]) {
@@ -158,9 +157,8 @@ impl Elements {
         let [i0, j0] = block.start.map(usize::from);
         let [w, h] = block.size.map(usize::from);
         let texels = || (j0..j0 + h).flat_map(move |j| (i0..i0 + w).map(move |i| j * n + i));
-        let range = texels().fold((f32::INFINITY, 0.0f32), |(lo, hi), t| {
-            (lo.min(samples.distance[t]), hi.max(samples.distance[t]))
-        });
+        let range = texels()
+            .fold((f32::INFINITY, 0.0f32), |(lo, hi), t| (lo.min(samples.distance[t]), hi.max(samples.distance[t])));
         let corners = [(i0, j0), (i0 + w, j0), (i0 + w, j0 + h), (i0, j0 + h)];
         for (k, (i, j)) in corners.into_iter().enumerate() {
             let uv = Vec2::new(i as f32, j as f32) / n as f32;
@@ -193,21 +191,12 @@ fn corner_point(direction: Vec3A, block: &Block, (nearest, farthest): (f32, f32)
     }
     let t = plane_distance(block.centre(), block.normal(), direction);
     // A normal of zero gives NaN, which `clamp` would keep.
-    let t = if t.is_nan() {
-        farthest
-    } else {
-        t.clamp(nearest / STRETCH, farthest * STRETCH)
-    };
+    let t = if t.is_nan() { farthest } else { t.clamp(nearest / STRETCH, farthest * STRETCH) };
     direction * t
 }
 
 /// A side of an element is a silhouette if it is one for any of the texels along it.
-fn element_sides(
-    texel_sides: &[Sides],
-    n: usize,
-    [i0, j0]: [usize; 2],
-    [w, h]: [usize; 2],
-) -> Sides {
+fn element_sides(texel_sides: &[Sides], n: usize, [i0, j0]: [usize; 2], [w, h]: [usize; 2]) -> Sides {
     let row = |j: usize, side| (i0..i0 + w).any(|i| texel_sides[j * n + i].contains(side));
     let column = |i: usize, side| (j0..j0 + h).any(|j| texel_sides[j * n + i].contains(side));
     let mut sides = Sides::NONE;
@@ -231,9 +220,7 @@ mod tests {
     use glam::Vec3;
 
     fn ceiling(n: usize) -> Samples {
-        Samples::from_fn(n, |wi| {
-            (Vec3::new(wi.x, 1.0, 2.0), 2.0 / wi.z, Vec3A::NEG_Z)
-        })
+        Samples::from_fn(n, |wi| (Vec3::new(wi.x, 1.0, 2.0), 2.0 / wi.z, Vec3A::NEG_Z))
     }
 
     #[test]
@@ -260,14 +247,10 @@ mod tests {
         let mut sum = glam::DVec3::ZERO;
         for e in 0..elements.len() {
             let texels = f64::from(elements.size[e][0]) * f64::from(elements.size[e][1]);
-            sum += Vec3::from_array(std::array::from_fn(|c| elements.radiance[c][e])).as_dvec3()
-                * texels;
+            sum += Vec3::from_array(std::array::from_fn(|c| elements.radiance[c][e])).as_dvec3() * texels;
         }
         let whole = samples.mean_radiance().as_dvec3() * 256.0;
-        assert!(
-            (sum - whole).length() < 1e-6 * whole.length(),
-            "{sum} against {whole}"
-        );
+        assert!((sum - whole).length() < 1e-6 * whole.length(), "{sum} against {whole}");
         let mut next = 0;
         for layer in 0..elements.layer_count() {
             let range = elements.layer(layer);
@@ -285,16 +268,9 @@ mod tests {
         for e in 0..elements.len() {
             assert_eq!(elements.finite[e], 0.0, "at infinity");
             for k in 0..4 {
-                assert!(
-                    (elements.corner(e, k).length() - 1.0).abs() < 1e-5,
-                    "unit directions"
-                );
+                assert!((elements.corner(e, k).length() - 1.0).abs() < 1e-5, "unit directions");
             }
         }
-        assert_eq!(
-            elements.layer(3).len(),
-            elements.len(),
-            "all in the last layer"
-        );
+        assert_eq!(elements.layer(3).len(), elements.len(), "all in the last layer");
     }
 }

@@ -32,17 +32,13 @@ impl Index {
     /// An empty index with rules for what may serve whom.
     #[must_use]
     pub fn new(validity: Validity) -> Self {
-        Self {
-            validity,
-            ..Self::default()
-        }
+        Self { validity, ..Self::default() }
     }
 
     /// Enters records in order.
     pub fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
         for record in records {
-            let number =
-                u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
+            let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
             let radius = record.radius();
             if radius > 0.0 && radius.is_finite() {
                 let exponent = level_exponent(radius);
@@ -53,11 +49,7 @@ impl Index {
                 for x in low.x..=high.x {
                     for y in low.y..=high.y {
                         for z in low.z..=high.z {
-                            self.levels[level]
-                                .1
-                                .entry(IVec3::new(x, y, z))
-                                .or_default()
-                                .push(number);
+                            self.levels[level].1.entry(IVec3::new(x, y, z)).or_default().push(number);
                         }
                     }
                 }
@@ -83,8 +75,7 @@ impl Index {
             for &number in candidates {
                 let record = number as usize;
                 let misfit = self.validity.misfit(&self.records[record], p, n);
-                let better = best
-                    .is_none_or(|b| misfit < b.misfit || (misfit == b.misfit && record < b.record));
+                let better = best.is_none_or(|b| misfit < b.misfit || (misfit == b.misfit && record < b.record));
                 if misfit <= 1.0 && better && !refused.contains(&record) {
                     best = Some(Found { record, misfit });
                 }
@@ -120,12 +111,7 @@ impl Index {
     /// Bytes that records and cells take, about.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let cells: usize = self
-            .levels
-            .iter()
-            .flat_map(|(_, c)| c.values())
-            .map(|v| 40 + v.capacity() * 4)
-            .sum();
+        let cells: usize = self.levels.iter().flat_map(|(_, c)| c.values()).map(|v| 40 + v.capacity() * 4).sum();
         cells + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 
@@ -181,8 +167,7 @@ impl std::hash::Hasher for CellHash {
     }
     fn write_i32(&mut self, value: i32) {
         // The golden ratio in 64 bits, as in Fibonacci hashing.
-        self.0 = (self.0.rotate_left(21) ^ u64::from(value.cast_unsigned()))
-            .wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = (self.0.rotate_left(21) ^ u64::from(value.cast_unsigned())).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
 }
 
@@ -195,13 +180,7 @@ mod tests {
 
     fn record(centre: Vec3A, n: Vec3A, height: f32, validity: &Validity) -> Record {
         let samples = Samples::from_fn(4, |wi| (Vec3::ONE, height / wi.z, Vec3A::NEG_Z));
-        Record::new(
-            centre,
-            hemimap::Frame::from_normal(n),
-            samples,
-            &RecordSettings::default(),
-            validity,
-        )
+        Record::new(centre, hemimap::Frame::from_normal(n), samples, &RecordSettings::default(), validity)
     }
 
     proptest! {
@@ -231,22 +210,10 @@ mod tests {
     fn refused_records_are_passed_over() {
         let validity = Validity::default();
         let mut index = Index::new(validity);
-        index.extend([
-            record(Vec3A::ZERO, Vec3A::Z, 1.0, &validity),
-            record(Vec3A::X * 0.1, Vec3A::Z, 1.0, &validity),
-        ]);
+        index.extend([record(Vec3A::ZERO, Vec3A::Z, 1.0, &validity), record(Vec3A::X * 0.1, Vec3A::Z, 1.0, &validity)]);
         assert_eq!(index.best(Vec3A::ZERO, Vec3A::Z).map(|f| f.record), Some(0));
-        assert_eq!(
-            index
-                .best_but(Vec3A::ZERO, Vec3A::Z, &[0])
-                .map(|f| f.record),
-            Some(1)
-        );
+        assert_eq!(index.best_but(Vec3A::ZERO, Vec3A::Z, &[0]).map(|f| f.record), Some(1));
         assert_eq!(index.best_but(Vec3A::ZERO, Vec3A::Z, &[0, 1]), None);
-        assert_eq!(
-            index.best(Vec3A::ZERO, Vec3A::NEG_Z),
-            None,
-            "the other side of the surface"
-        );
+        assert_eq!(index.best(Vec3A::ZERO, Vec3A::NEG_Z), None, "the other side of the surface");
     }
 }

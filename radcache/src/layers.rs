@@ -15,23 +15,14 @@ pub fn depth_layers(distances: &[f32], layers: usize, out: &mut [u8]) {
     let farthest = finite().fold(0.0, f32::max);
     /// Nearer than this share of the farthest, order no longer matters: a record so close to a surface serves nobody.
     const NEAREST_SHARE: f32 = 1e-4;
-    let nearest = finite()
-        .fold(f32::INFINITY, f32::min)
-        .max(farthest * NEAREST_SHARE);
+    let nearest = finite().fold(f32::INFINITY, f32::min).max(farthest * NEAREST_SHARE);
     let last = layers - 1;
     let span = (farthest / nearest).ln();
-    let scale = if span > 0.0 && span.is_finite() {
-        last as f32 / span
-    } else {
-        0.0
-    };
+    let scale = if span > 0.0 && span.is_finite() { last as f32 / span } else { 0.0 };
     for (layer, &distance) in out.iter_mut().zip(distances) {
         let bucket = if distance.is_finite() {
             let position = (distance.max(nearest) / nearest).ln() * scale;
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "clamped to the layers; NaN becomes 0"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the layers; NaN becomes 0")]
             let bucket = position as usize;
             bucket.min(last.saturating_sub(1))
         } else {
@@ -70,10 +61,6 @@ mod tests {
     fn layers_are_even_in_the_logarithm() {
         let mut out = [0; 5];
         depth_layers(&[1.0, 2.1, 4.1, 8.0, f32::INFINITY], 4, &mut out);
-        assert_eq!(
-            out,
-            [0, 1, 2, 2, 3],
-            "a factor of two each, the farthest in the last finite one"
-        );
+        assert_eq!(out, [0, 1, 2, 2, 3], "a factor of two each, the farthest in the last finite one");
     }
 }

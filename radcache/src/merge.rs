@@ -22,12 +22,7 @@ pub struct MergeSettings {
 impl Default for MergeSettings {
     /// Sides of up to 4 texels, normals within 10 degrees, planes within 2 % of the distance, any contrast.
     fn default() -> Self {
-        Self {
-            max_side: 4,
-            min_normal_cos: 0.985,
-            plane_tolerance: 0.02,
-            max_contrast: 2.0,
-        }
+        Self { max_side: 4, min_normal_cos: 0.985, plane_tolerance: 0.02, max_contrast: 2.0 }
     }
 }
 
@@ -73,10 +68,7 @@ impl Block {
         if self.layer != other.layer || self.infinite != other.infinite {
             return false;
         }
-        let (la, lb) = (
-            self.luminance_sum / self.count(),
-            other.luminance_sum / other.count(),
-        );
+        let (la, lb) = (self.luminance_sum / self.count(), other.luminance_sum / other.count());
         if (la - lb).abs() > settings.max_contrast * (la + lb) {
             return false;
         }
@@ -86,9 +78,7 @@ impl Block {
         let (ca, cb) = (self.centre(), other.centre());
         let (na, nb) = (self.normal(), other.normal());
         let limit = settings.plane_tolerance * ca.length().min(cb.length());
-        na.dot(nb) >= settings.min_normal_cos
-            && na.dot(cb - ca).abs() <= limit
-            && nb.dot(cb - ca).abs() <= limit
+        na.dot(nb) >= settings.min_normal_cos && na.dot(cb - ca).abs() <= limit && nb.dot(cb - ca).abs() <= limit
     }
 
     fn absorb(&mut self, other: &Self, axis: usize) {
@@ -105,13 +95,9 @@ impl Block {
 /// the same downwards. Sides so double from pass to pass and blocks stay compact. Ends when neither pass merges anything.
 pub(crate) fn merge(samples: &Samples, layers: &[u8], settings: &MergeSettings) -> Vec<Block> {
     let n = samples.resolution();
-    let mut blocks: Vec<Block> = (0..n * n)
-        .map(|texel| single(samples, layers, texel))
-        .collect();
+    let mut blocks: Vec<Block> = (0..n * n).map(|texel| single(samples, layers, texel)).collect();
     // The block that holds each texel.
-    let mut owner: Vec<u16> = (0..n * n)
-        .map(|texel| u16::try_from(texel).expect("n <= 64"))
-        .collect();
+    let mut owner: Vec<u16> = (0..n * n).map(|texel| u16::try_from(texel).expect("n <= 64")).collect();
     let mut dead = vec![false; n * n];
     let mut idle = 0;
     let mut axis = 0;
@@ -192,17 +178,9 @@ mod tests {
     fn every_texel_is_in_exactly_one_block() {
         for n in [1, 7, 16, 33] {
             let samples = Samples::from_fn(n, |wi| {
-                let wall = if wi.x > 0.4 {
-                    1.0 / wi.x
-                } else {
-                    f32::INFINITY
-                };
+                let wall = if wi.x > 0.4 { 1.0 / wi.x } else { f32::INFINITY };
                 let roof = 2.0 / wi.z;
-                if wall < roof {
-                    (Vec3::X, wall, Vec3A::NEG_X)
-                } else {
-                    (Vec3::Y, roof, Vec3A::NEG_Z)
-                }
+                if wall < roof { (Vec3::X, wall, Vec3A::NEG_X) } else { (Vec3::Y, roof, Vec3A::NEG_Z) }
             });
             let mut layers = vec![0; n * n];
             crate::depth_layers(&samples.distance, 8, &mut layers);
@@ -218,12 +196,7 @@ mod tests {
                 }
             }
             assert!(covered.iter().all(|&c| c == 1), "n = {n}");
-            assert!(
-                n < 16 || blocks.len() * 3 < n * n * 2,
-                "planes merge: {} of {}",
-                blocks.len(),
-                n * n
-            );
+            assert!(n < 16 || blocks.len() * 3 < n * n * 2, "planes merge: {} of {}", blocks.len(), n * n);
         }
     }
 
@@ -231,11 +204,7 @@ mod tests {
     fn blocks_are_compact() {
         let samples = Samples::from_fn(32, |wi| (Vec3::ONE, 5.0, -wi));
         let layers = vec![0; 32 * 32];
-        let open = MergeSettings {
-            min_normal_cos: -1.0,
-            plane_tolerance: 10.0,
-            ..MergeSettings::default()
-        };
+        let open = MergeSettings { min_normal_cos: -1.0, plane_tolerance: 10.0, ..MergeSettings::default() };
         let blocks = merge(&samples, &layers, &open);
         assert_eq!(blocks.len(), 64, "32 x 32 texels in blocks of 4 x 4");
         assert!(blocks.iter().all(|b| b.size == [4, 4]), "square blocks");
@@ -243,24 +212,11 @@ mod tests {
 
     #[test]
     fn contrast_keeps_blocks_apart() {
-        let samples = Samples::from_fn(8, |wi| {
-            (
-                Vec3::splat(if wi.x > 0.0 { 1.0 } else { 0.1 }),
-                f32::INFINITY,
-                -wi,
-            )
-        });
-        let strict = MergeSettings {
-            max_contrast: 0.2,
-            max_side: 8,
-            ..MergeSettings::default()
-        };
+        let samples = Samples::from_fn(8, |wi| (Vec3::splat(if wi.x > 0.0 { 1.0 } else { 0.1 }), f32::INFINITY, -wi));
+        let strict = MergeSettings { max_contrast: 0.2, max_side: 8, ..MergeSettings::default() };
         let blocks = merge(&samples, &[0; 64], &strict);
         for b in &blocks {
-            assert!(
-                b.start[0] >= 4 || b.start[0] + b.size[0] <= 4,
-                "no block across the edge of light"
-            );
+            assert!(b.start[0] >= 4 || b.start[0] + b.size[0] <= 4, "no block across the edge of light");
         }
     }
 }

@@ -19,10 +19,7 @@ pub struct RecordSettings {
 impl Default for RecordSettings {
     /// 16 layers.
     fn default() -> Self {
-        Self {
-            layers: 16,
-            merge: MergeSettings::default(),
-        }
+        Self { layers: 16, merge: MergeSettings::default() }
     }
 }
 
@@ -40,13 +37,7 @@ pub struct Record {
 impl Record {
     /// Makes a record from samples taken at `centre` in `frame`, whose z axis is the normal there.
     #[must_use]
-    pub fn new(
-        centre: Vec3A,
-        frame: Frame,
-        samples: Samples,
-        settings: &RecordSettings,
-        validity: &Validity,
-    ) -> Self {
+    pub fn new(centre: Vec3A, frame: Frame, samples: Samples, settings: &RecordSettings, validity: &Validity) -> Self {
         let elements = Elements::new(&samples, settings.layers, &settings.merge);
         Self {
             centre: centre.into(),

@@ -31,10 +31,7 @@ impl Samples {
     /// If `n` is 0 or above [`MAX_RESOLUTION`].
     #[must_use]
     pub fn new(n: usize) -> Self {
-        assert!(
-            (1..=MAX_RESOLUTION).contains(&n),
-            "resolution must lie in 1..=64"
-        );
+        assert!((1..=MAX_RESOLUTION).contains(&n), "resolution must lie in 1..=64");
         let count = n * n;
         Self {
             n: u32::try_from(n).expect("n <= 64"),
@@ -67,11 +64,7 @@ impl Samples {
     /// Stores what the ray of a texel met. A distance that is not a number counts as infinite, a negative one as zero.
     pub fn set(&mut self, texel: usize, radiance: Vec3, distance: f32, normal: Vec3A) {
         self.radiance[texel] = radiance;
-        self.distance[texel] = if distance.is_nan() {
-            f32::INFINITY
-        } else {
-            distance.max(0.0)
-        };
+        self.distance[texel] = if distance.is_nan() { f32::INFINITY } else { distance.max(0.0) };
         self.normal[texel] = normal.into();
     }
 
@@ -106,11 +99,7 @@ impl Samples {
     /// Harmonic mean of the distances in metres, infinite if nothing is near; the directions are cosine-distributed.
     #[must_use]
     pub fn harmonic_distance(&self) -> f32 {
-        let sum: f64 = self
-            .distance
-            .iter()
-            .map(|&d| 1.0 / f64::from(d.max(1e-30)))
-            .sum();
+        let sum: f64 = self.distance.iter().map(|&d| 1.0 / f64::from(d.max(1e-30))).sum();
         #[expect(clippy::cast_possible_truncation, reason = "a distance of f32 range")]
         let mean = (self.distance.len() as f64 / sum) as f32;
         mean
@@ -137,16 +126,9 @@ mod tests {
     fn harmonic_mean_distance_is_known() {
         // Under an infinite ceiling at height h: 1.5 h with cosine-distributed directions.
         let ceiling = Samples::from_fn(64, |wi| (Vec3::ONE, 1.0 / wi.z, Vec3A::NEG_Z));
-        assert!(
-            (ceiling.harmonic_distance() - 1.5).abs() < 5e-3,
-            "{}",
-            ceiling.harmonic_distance()
-        );
+        assert!((ceiling.harmonic_distance() - 1.5).abs() < 5e-3, "{}", ceiling.harmonic_distance());
         let sphere = Samples::from_fn(8, |wi| (Vec3::ONE, 3.0, -wi));
-        assert!(
-            (sphere.harmonic_distance() - 3.0).abs() < 1e-6,
-            "centre of a sphere"
-        );
+        assert!((sphere.harmonic_distance() - 3.0).abs() < 1e-6, "centre of a sphere");
         let sky = Samples::from_fn(8, |wi| (Vec3::ONE, f32::INFINITY, -wi));
         assert_eq!(sky.harmonic_distance(), f32::INFINITY, "open sky");
     }
@@ -156,11 +138,7 @@ mod tests {
         let mut samples = Samples::new(2);
         samples.set(0, Vec3::ONE, f32::NAN, Vec3A::Z);
         samples.set(1, Vec3::ONE, -1.0, Vec3A::Z);
-        assert_eq!(
-            samples.distance[0],
-            f32::INFINITY,
-            "NaN is the surroundings"
-        );
+        assert_eq!(samples.distance[0], f32::INFINITY, "NaN is the surroundings");
         assert_eq!(samples.distance[1], 0.0, "negative is touching");
         assert!(samples.harmonic_distance() > 0.0, "never zero or NaN");
     }

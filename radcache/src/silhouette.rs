@@ -74,36 +74,20 @@ mod tests {
             (Vec3::ONE, t, normal)
         });
         let marked = silhouettes(&slanted);
-        let inside =
-            (0..32 * 32).filter(|&t| slanted.distance[t].is_finite() && marked[t] != Sides::NONE);
+        let inside = (0..32 * 32).filter(|&t| slanted.distance[t].is_finite() && marked[t] != Sides::NONE);
         for t in inside {
             // Only where the plane ends at infinity may a side be marked.
             let (i, j) = (t % 32, t / 32);
-            let open = [
-                (i.wrapping_sub(1), j),
-                (i + 1, j),
-                (i, j.wrapping_sub(1)),
-                (i, j + 1),
-            ]
-            .iter()
-            .any(|&(i, j)| i < 32 && j < 32 && slanted.distance[j * 32 + i].is_infinite());
+            let open = [(i.wrapping_sub(1), j), (i + 1, j), (i, j.wrapping_sub(1)), (i, j + 1)]
+                .iter()
+                .any(|&(i, j)| i < 32 && j < 32 && slanted.distance[j * 32 + i].is_infinite());
             assert!(open, "texel {i} {j} lies inside the plane");
         }
         // A near half-plane x < 0 at height 1 before a far ceiling at 4: the edge runs up the middle.
-        let edge = Samples::from_fn(32, |wi| {
-            (
-                Vec3::ONE,
-                if wi.x < 0.0 { 1.0 } else { 4.0 } / wi.z,
-                Vec3A::NEG_Z,
-            )
-        });
+        let edge = Samples::from_fn(32, |wi| (Vec3::ONE, if wi.x < 0.0 { 1.0 } else { 4.0 } / wi.z, Vec3A::NEG_Z));
         let marked = silhouettes(&edge);
         for t in 0..32 * 32 {
-            let expected = if t % 32 == 15 {
-                Sides::RIGHT
-            } else {
-                Sides::NONE
-            };
+            let expected = if t % 32 == 15 { Sides::RIGHT } else { Sides::NONE };
             assert_eq!(marked[t], expected, "texel {t}");
         }
     }

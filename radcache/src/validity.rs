@@ -81,14 +81,8 @@ mod tests {
     fn radius_follows_the_geometry() {
         let ceiling = Samples::from_fn(16, |wi| (Vec3::ONE, 2.0 / wi.z, Vec3A::NEG_Z));
         let rules = Validity::default();
-        assert!(
-            (rules.radius(&ceiling) - 0.9).abs() < 0.02,
-            "0.3 times 1.5 times the height"
-        );
-        let capped = Validity {
-            max_radius: 0.5,
-            ..rules
-        };
+        assert!((rules.radius(&ceiling) - 0.9).abs() < 0.02, "0.3 times 1.5 times the height");
+        let capped = Validity { max_radius: 0.5, ..rules };
         assert_eq!(capped.radius(&ceiling), 0.5, "capped");
         let sky = Samples::from_fn(16, |wi| (Vec3::ONE, f32::INFINITY, -wi));
         assert_eq!(capped.radius(&sky), 0.5, "an open sky reaches the cap");
@@ -96,35 +90,15 @@ mod tests {
 
     #[test]
     fn a_record_beside_a_wall_does_not_reach_through_it() {
-        let wall = Samples::from_fn(32, |wi| {
-            (
-                Vec3::ONE,
-                if wi.x > 0.0 { 0.1 / wi.x } else { 50.0 },
-                Vec3A::NEG_X,
-            )
-        });
-        let radius = Validity {
-            spacing: 2.0,
-            ..Validity::default()
-        }
-        .radius(&wall);
+        let wall = Samples::from_fn(32, |wi| (Vec3::ONE, if wi.x > 0.0 { 0.1 / wi.x } else { 50.0 }, Vec3A::NEG_X));
+        let radius = Validity { spacing: 2.0, ..Validity::default() }.radius(&wall);
         assert!(radius <= 0.1, "{radius}");
     }
 
     #[test]
     fn records_that_start_outside_are_refused() {
-        let seam = Samples::from_fn(16, |wi| {
-            (Vec3::ONE, if wi.x > 0.0 { 1e-7 } else { 5.0 }, -wi)
-        });
-        let rules = Validity {
-            touching_distance: 1e-5,
-            min_radius: 0.2,
-            ..Validity::default()
-        };
-        assert_eq!(
-            rules.radius(&seam),
-            0.0,
-            "refused in spite of the smallest radius"
-        );
+        let seam = Samples::from_fn(16, |wi| (Vec3::ONE, if wi.x > 0.0 { 1e-7 } else { 5.0 }, -wi));
+        let rules = Validity { touching_distance: 1e-5, min_radius: 0.2, ..Validity::default() };
+        assert_eq!(rules.radius(&seam), 0.0, "refused in spite of the smallest radius");
     }
 }

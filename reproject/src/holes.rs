@@ -48,32 +48,18 @@ impl Workspace {
         for row in (0..n).step_by(step) {
             for column in (0..n).step_by(step) {
                 let to_u8 = |x: usize| u8::try_from(x).expect("n <= 64");
-                let mut hole = Hole {
-                    column: to_u8(column),
-                    row: to_u8(row),
-                    step: to_u8(step),
-                    texels: 0,
-                };
-                let texels: u32 = (0..hole.rows(n))
-                    .map(|j| hole.open_bits(&self.masks, j).count_ones())
-                    .sum();
+                let mut hole = Hole { column: to_u8(column), row: to_u8(row), step: to_u8(step), texels: 0 };
+                let texels: u32 = (0..hole.rows(n)).map(|j| hole.open_bits(&self.masks, j).count_ones()).sum();
                 if texels == 0 {
                     continue;
                 }
                 hole.texels = u16::try_from(texels).expect("at most 64 x 64 texels");
                 let random = hash(seed, (row * n + column) as u64);
-                let texel = pick(
-                    &hole,
-                    n,
-                    &self.masks,
-                    (random >> 32) * u64::from(texels) >> 32,
-                );
+                let texel = pick(&hole, n, &self.masks, (random >> 32) * u64::from(texels) >> 32);
                 let jitter = Vec2::new(unit(random), unit(random >> 16));
                 let place = (Vec2::new((texel % n) as f32, (texel / n) as f32) + jitter) / n as f32;
                 self.holes.push(hole);
-                let wi = self
-                    .frame
-                    .to_world(hemimap::square_to_cosine_hemisphere(place));
+                let wi = self.frame.to_world(hemimap::square_to_cosine_hemisphere(place));
                 self.directions.push(wi);
             }
         }
@@ -100,9 +86,7 @@ fn unit(bits: u64) -> f32 {
 
 /// 64 well mixed bits from a seed and a counter (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators").
 pub(crate) fn hash(seed: u64, counter: u64) -> u64 {
-    let mut x = seed
-        .wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15))
-        .wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut x = seed.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ x >> 31

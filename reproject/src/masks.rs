@@ -25,11 +25,7 @@ impl Masks {
     /// Empty masks of n rows of n bits.
     #[must_use]
     pub fn new(n: usize) -> Self {
-        Self {
-            n,
-            fill: [0; MAX_RESOLUTION],
-            unknown: [0; MAX_RESOLUTION],
-        }
+        Self { n, fill: [0; MAX_RESOLUTION], unknown: [0; MAX_RESOLUTION] }
     }
 
     /// Empties them and sets the number of rows.
@@ -115,9 +111,7 @@ pub fn polygon_rows(corners: &[Vec2], n: usize, mut set: impl FnMut(usize, u64))
 #[inline]
 pub fn rectangle_rows(corners: &[Vec2], n: usize, mut set: impl FnMut(usize, u64)) {
     let start = (Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY));
-    let (min, max) = corners
-        .iter()
-        .fold(start, |(lo, hi), &c| (lo.min(c), hi.max(c)));
+    let (min, max) = corners.iter().fold(start, |(lo, hi), &c| (lo.min(c), hi.max(c)));
     let (min, max) = (min * n as f32 - 0.5, max * n as f32 - 0.5);
     let bits = span(min.x, max.x, n);
     if bits != 0 {
@@ -137,10 +131,7 @@ fn crossing(a: Vec2, b: Vec2, y: f32) -> f32 {
 /// The first of n centres at or above x, n if there is none.
 #[inline]
 fn first_centre(x: f32, n: usize) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the cast saturates and NaN becomes 0"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "the cast saturates and NaN becomes 0")]
     let first = x.ceil() as usize;
     first.min(n)
 }
@@ -149,11 +140,7 @@ fn first_centre(x: f32, n: usize) -> usize {
 #[inline]
 fn span(x0: f32, x1: f32, n: usize) -> u64 {
     let (first, end) = (first_centre(x0, n), first_centre(x1, n));
-    if first < end {
-        full_row(end - first) << first
-    } else {
-        0
-    }
+    if first < end { full_row(end - first) << first } else { 0 }
 }
 
 /// Bits between crossings whose winding number is not zero.
@@ -205,7 +192,8 @@ mod tests {
     }
 
     fn point() -> impl Strategy<Value = Vec2> {
-        let coordinate = prop_oneof![4 => 0.0f32..1.0, 1 => -0.5f32..1.5, 1 => (0u8..33).prop_map(|k| f32::from(k) / 32.0)];
+        let coordinate =
+            prop_oneof![4 => 0.0f32..1.0, 1 => -0.5f32..1.5, 1 => (0u8..33).prop_map(|k| f32::from(k) / 32.0)];
         (coordinate.clone(), coordinate).prop_map(|(x, y)| Vec2::new(x, y))
     }
 
@@ -282,23 +270,12 @@ mod tests {
     #[test]
     fn bow_ties_and_the_whole_square() {
         let whole = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-        assert!(
-            rows(&whole, 33)[..33]
-                .iter()
-                .all(|&row| row == full_row(33)),
-            "all bits"
-        );
+        assert!(rows(&whole, 33)[..33].iter().all(|&row| row == full_row(33)), "all bits");
         let bow_tie = [Vec2::ZERO, Vec2::ONE, Vec2::X, Vec2::Y];
         let covered: u32 = rows(&bow_tie, 32).iter().map(|row| row.count_ones()).sum();
-        assert!(
-            (480..=544).contains(&covered),
-            "two triangles of a quarter each: {covered}"
-        );
+        assert!((480..=544).contains(&covered), "two triangles of a quarter each: {covered}");
         assert_eq!(
-            rows(
-                &[Vec2::ZERO, Vec2::new(1.0, 0.01), Vec2::new(1.0, 0.012)],
-                32
-            ),
+            rows(&[Vec2::ZERO, Vec2::new(1.0, 0.01), Vec2::new(1.0, 0.012)], 32),
             [0; 64],
             "thinner than a texel"
         );

@@ -14,10 +14,7 @@ pub struct Traced {
 impl Default for Traced {
     /// A black sky.
     fn default() -> Self {
-        Self {
-            radiance: Vec3::ZERO,
-            distance: f32::INFINITY,
-        }
+        Self { radiance: Vec3::ZERO, distance: f32::INFINITY }
     }
 }
 

@@ -25,9 +25,7 @@ pub(crate) fn sweep_silhouettes(
         let b = (a + 1) % 4;
         let before = |k: usize| direction_to_square(*rotation * elements.corner(e, k));
         let now = |k: usize| Vec2::new(u[k][e], v[k][e]);
-        polygon_rows(&[before(a), before(b), now(b), now(a)], n, |j, bits| {
-            trail[j] |= bits
-        });
+        polygon_rows(&[before(a), before(b), now(b), now(a)], n, |j, bits| trail[j] |= bits);
     }
 }
 
@@ -45,11 +43,7 @@ pub(crate) fn sweep_all(
         return;
     }
     let corners: [Vec2; 8] = std::array::from_fn(|k| {
-        if k < 4 {
-            Vec2::new(u[k][e], v[k][e])
-        } else {
-            direction_to_square(*rotation * elements.corner(e, k - 4))
-        }
+        if k < 4 { Vec2::new(u[k][e], v[k][e]) } else { direction_to_square(*rotation * elements.corner(e, k - 4)) }
     });
     rectangle_rows(&corners, n, |j, bits| trail[j] |= bits);
 }

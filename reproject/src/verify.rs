@@ -26,13 +26,7 @@ pub struct Verdict {
 impl Workspace {
     /// Traces `side x side` stratified rays and compares what each meets with the element that fills its texel. To be called
     /// between [`Self::project`] and [`Self::trace_holes`], whose buffers it uses.
-    pub fn verify(
-        &mut self,
-        record: &Record,
-        side: u32,
-        seed: u64,
-        tracer: &mut impl Tracer,
-    ) -> Verdict {
+    pub fn verify(&mut self, record: &Record, side: u32, seed: u64, tracer: &mut impl Tracer) -> Verdict {
         self.directions.clear();
         self.holes.clear();
         let mut texels = [0usize; MAX_SIDE * MAX_SIDE];
@@ -41,15 +35,12 @@ impl Workspace {
         for cell in 0..side * side {
             let random = hash(seed, cell as u64);
             let jitter = Vec2::new(unit(random >> 40), unit(random >> 16));
-            let place =
-                (Vec2::new((cell % side) as f32, (cell / side) as f32) + jitter) / side as f32;
+            let place = (Vec2::new((cell % side) as f32, (cell / side) as f32) + jitter) / side as f32;
             let texel = texel_at(place, self.n);
             if self.owner[texel] != NOBODY {
                 texels[asked] = texel;
                 asked += 1;
-                let wi = self
-                    .frame
-                    .to_world(hemimap::square_to_cosine_hemisphere(place));
+                let wi = self.frame.to_world(hemimap::square_to_cosine_hemisphere(place));
                 self.directions.push(wi);
             }
         }
@@ -58,20 +49,12 @@ impl Workspace {
         tracer.probe(&self.directions, &mut self.traced);
         let wrong = (0..asked).filter(|&k| {
             let wi = record.frame().to_local(self.directions[k]);
-            !self.agrees(
-                record,
-                usize::from(self.owner[texels[k]]),
-                wi,
-                self.traced[k].distance,
-            )
+            !self.agrees(record, usize::from(self.owner[texels[k]]), wi, self.traced[k].distance)
         });
         let wrong = wrong.count();
         self.traced.clear();
         let to_u32 = |x: usize| u32::try_from(x).expect("at most 16 x 16 rays");
-        Verdict {
-            asked: to_u32(asked),
-            wrong: to_u32(wrong),
-        }
+        Verdict { asked: to_u32(asked), wrong: to_u32(wrong) }
     }
 
     /// Whether a ray along `wi`, in the frame of the record, that ended at `distance` met element `e`.
@@ -83,16 +66,10 @@ impl Workspace {
         if distance.is_infinite() {
             return false;
         }
-        let corners = Mat3A::from_cols(
-            elements.corner(e, 0),
-            elements.corner(e, 1),
-            elements.corner(e, 2),
-        );
+        let corners = Mat3A::from_cols(elements.corner(e, 0), elements.corner(e, 1), elements.corner(e, 2));
         let last = elements.corner(e, 3);
         let centre = (corners.x_axis + corners.y_axis + corners.z_axis + last) / 4.0;
-        let normal = (corners.z_axis - corners.x_axis)
-            .cross(last - corners.y_axis)
-            .normalize_or_zero();
+        let normal = (corners.z_axis - corners.x_axis).cross(last - corners.y_axis).normalize_or_zero();
         let off = self.offset + wi * distance - centre;
         normal.dot(off).abs() <= OFF_PLANE * distance || off.length() <= OFF_CENTRE * distance
     }
@@ -106,8 +83,6 @@ fn unit(bits: u64) -> f32 {
 }
 
 fn texel_at(place: Vec2, n: usize) -> usize {
-    let cell = (place * n as f32)
-        .as_uvec2()
-        .min(glam::UVec2::splat(u32::try_from(n - 1).expect("n <= 64")));
+    let cell = (place * n as f32).as_uvec2().min(glam::UVec2::splat(u32::try_from(n - 1).expect("n <= 64")));
     cell.y as usize * n + cell.x as usize
 }

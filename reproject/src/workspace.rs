@@ -57,12 +57,7 @@ pub struct Settings {
 impl Default for Settings {
     /// Exact quads, silhouette trails, analytic weights, a hole ray for every 2 x 2 texels.
     fn default() -> Self {
-        Self {
-            coverage: Coverage::Quad,
-            trails: Trails::Silhouettes,
-            weights: AreaWeights::Analytic,
-            step: 2,
-        }
+        Self { coverage: Coverage::Quad, trails: Trails::Silhouettes, weights: AreaWeights::Analytic, step: 2 }
     }
 }
 
@@ -158,36 +153,15 @@ impl Workspace {
         self.owner.clear();
         self.owner.resize(self.n * self.n, NOBODY);
         self.masks.reset(self.n);
-        project_corners(
-            elements,
-            &self.rotation,
-            self.offset,
-            &mut self.u,
-            &mut self.v,
-            &mut self.z,
-        );
+        project_corners(elements, &self.rotation, self.offset, &mut self.u, &mut self.v, &mut self.z);
         for layer in 0..elements.layer_count() {
             for e in elements.layer(layer) {
                 self.fill_element(elements, e, settings);
                 match settings.trails {
-                    Trails::Silhouettes => sweep_silhouettes(
-                        elements,
-                        e,
-                        &self.rotation,
-                        self.n,
-                        &self.u,
-                        &self.v,
-                        &mut self.trail,
-                    ),
-                    Trails::All => sweep_all(
-                        elements,
-                        e,
-                        &self.rotation,
-                        self.n,
-                        &self.u,
-                        &self.v,
-                        &mut self.trail,
-                    ),
+                    Trails::Silhouettes => {
+                        sweep_silhouettes(elements, e, &self.rotation, self.n, &self.u, &self.v, &mut self.trail)
+                    }
+                    Trails::All => sweep_all(elements, e, &self.rotation, self.n, &self.u, &self.v, &mut self.trail),
                 }
             }
             self.masks.end_layer(&mut self.layer_fill, &mut self.trail);
@@ -197,11 +171,7 @@ impl Workspace {
         let texels = (self.n * self.n) as f32;
         let filled = self.masks.count(&self.masks.fill) as f32 / texels;
         let unknown = self.masks.count(&self.masks.unknown) as f32 / texels;
-        Shares {
-            filled,
-            unknown,
-            holes: 1.0 - filled,
-        }
+        Shares { filled, unknown, holes: 1.0 - filled }
     }
 
     /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and gives the
@@ -226,28 +196,22 @@ impl Workspace {
             sum += share * traced.radiance;
             weight += share;
         }
-        if weight > 0.0 {
-            sum / weight
-        } else {
-            Vec3::ZERO
-        }
+        if weight > 0.0 { sum / weight } else { Vec3::ZERO }
     }
 
     /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's ray.
     pub fn texture(&mut self, record: &Record) -> &[Vec3] {
         let elements = record.elements();
         self.texture.clear();
-        self.texture.extend(self.owner.iter().map(|&owner| {
-            if owner == NOBODY {
-                Vec3::ZERO
-            } else {
-                radiance(elements, usize::from(owner))
-            }
-        }));
+        self.texture.extend(
+            self.owner.iter().map(
+                |&owner| {
+                    if owner == NOBODY { Vec3::ZERO } else { radiance(elements, usize::from(owner)) }
+                },
+            ),
+        );
         for (hole, traced) in self.holes.iter().zip(&self.traced) {
-            hole.for_each_texel(self.n, &self.masks, |texel| {
-                self.texture[texel] = traced.radiance
-            });
+            hole.for_each_texel(self.n, &self.masks, |texel| self.texture[texel] = traced.radiance);
         }
         &self.texture
     }
@@ -259,11 +223,7 @@ impl Workspace {
     /// If there are not n x n weights.
     pub fn weighted_sum(&mut self, record: &Record, weights: &[Vec3]) -> Vec3 {
         assert_eq!(weights.len(), self.n * self.n, "a weight for each texel");
-        self.texture(record)
-            .iter()
-            .zip(weights)
-            .map(|(&l, &w)| l * w)
-            .sum()
+        self.texture(record).iter().zip(weights).map(|(&l, &w)| l * w).sum()
     }
 
     /// The frame of the point: that of the record, turned to the normal by the shortest rotation.
@@ -318,9 +278,8 @@ impl Workspace {
         } else if z.iter().all(|&z| z < -HORIZON) {
             return;
         } else {
-            let space = std::array::from_fn(|k| {
-                self.rotation * (elements.corner(e, k) - self.offset * elements.finite[e])
-            });
+            let space =
+                std::array::from_fn(|k| self.rotation * (elements.corner(e, k) - self.offset * elements.finite[e]));
             clip_at_horizon(&space, &mut polygon)
         };
         let polygon = &polygon[..corners];
@@ -399,17 +358,10 @@ fn signed_area(polygon: &[Vec2]) -> f32 {
     let Some(&origin) = polygon.first() else {
         return 0.0;
     };
-    let twice: f32 = polygon
-        .windows(2)
-        .map(|edge| (edge[0] - origin).perp_dot(edge[1] - origin))
-        .sum();
+    let twice: f32 = polygon.windows(2).map(|edge| (edge[0] - origin).perp_dot(edge[1] - origin)).sum();
     0.5 * twice
 }
 
 fn radiance(elements: &Elements, e: usize) -> Vec3 {
-    Vec3::new(
-        elements.radiance[0][e],
-        elements.radiance[1][e],
-        elements.radiance[2][e],
-    )
+    Vec3::new(elements.radiance[0][e], elements.radiance[1][e], elements.radiance[2][e])
 }

@@ -2,5 +2,5 @@
 
 mod scalar;
 
-pub use scalar::project_corners;
 pub(crate) use scalar::direction_to_square;
+pub use scalar::project_corners;

@@ -25,11 +25,7 @@ pub fn project_corners(
 ) {
     let len = elements.padded_len();
     for k in 0..4 {
-        let (x_in, y_in, z_in) = (
-            &elements.x[k][..len],
-            &elements.y[k][..len],
-            &elements.z[k][..len],
-        );
+        let (x_in, y_in, z_in) = (&elements.x[k][..len], &elements.y[k][..len], &elements.z[k][..len]);
         let finite = &elements.finite[..len];
         let (u, v, z) = (&mut u[k][..len], &mut v[k][..len], &mut z[k][..len]);
         for first in (0..len).step_by(LANES) {
@@ -101,9 +97,6 @@ mod tests {
         assert_eq!(to_square(0.0, 0.0, 0.0), (0.5, 0.5, 0.0), "no direction");
         assert_eq!(to_square(0.0, 0.0, 2.0), (0.5, 0.5, 1.0), "straight up");
         let (u, v, cos) = to_square(0.0, 0.0, -1.0);
-        assert!(
-            u.is_finite() && v.is_finite() && cos == -1.0,
-            "straight down"
-        );
+        assert!(u.is_finite() && v.is_finite() && cos == -1.0, "straight down");
     }
 }
