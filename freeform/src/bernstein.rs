@@ -1,0 +1,190 @@
+//! The function along one piece of a ray in Bernstein form, where signs of coefficients bound the number of roots.
+//!
+//! On a piece the function is F(s) + sum f_i Q_i(s)^3 with F and Q_i quadratic in the ray parameter s. Each quadratic has three Bernstein coefficients on a span: its
+//! values at the ends and its polar form between them. Products stay in Bernstein form, so the sextic is never expanded in powers, and a sub-span gets its
+//! coefficients afresh from the quadratics: nothing is inherited from a wider span but the quadratics themselves.
+//!
+//! A span with an infinite end, s = s0 + w u/(1-u), has the same coefficients after multiplication by (1-u)^6.
+//!
+//! # Source
+//! Descartes' rule in Bernstein form: Lane and Riesenfeld 1981, Bounds on a polynomial. Product: Farouki and Rajan 1988, Algorithms for polynomials in Bernstein form.
+
+use crate::quadratic::Quadratic;
+
+/// Part of a ray: finite, or infinite at one end. `step` is where an infinite span is cut: so far from its finite end.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span {
+    pub(crate) lo: f64,
+    pub(crate) hi: f64,
+    pub(crate) step: f64,
+}
+
+/// An infinite span that was cut moves its next cut so many times farther: 60 cuts reach 1e72 steps.
+const STRIDE: f64 = 16.0;
+
+impl Span {
+    /// Cuts the span in two.
+    pub(crate) fn halves(self) -> (Self, Self) {
+        let middle = if self.lo == f64::NEG_INFINITY {
+            self.hi - self.step
+        } else if self.hi == f64::INFINITY {
+            self.lo + self.step
+        } else {
+            0.5 * (self.lo + self.hi)
+        };
+        let step = self.step * STRIDE;
+        (Self { hi: middle, step, ..self }, Self { lo: middle, step, ..self })
+    }
+
+    /// Returns the largest |s| at which rounding in the span is judged.
+    pub(crate) fn reach(self) -> f64 {
+        let finite = |s: f64| if s.is_finite() { s.abs() } else { 0.0 };
+        let reach = finite(self.lo).max(finite(self.hi));
+        if self.lo.is_finite() && self.hi.is_finite() { reach } else { reach + self.step }
+    }
+}
+
+/// Returns the three Bernstein coefficients of a quadratic on a span.
+#[inline]
+fn quadratic_on(q: Quadratic, span: Span) -> [f64; 3] {
+    let Span { lo, hi, step } = span;
+    if lo == f64::NEG_INFINITY {
+        [q.a * step * step, -0.5 * step * q.slope(hi), q.at(hi)]
+    } else if hi == f64::INFINITY {
+        [q.at(lo), 0.5 * step * q.slope(lo), q.a * step * step]
+    } else {
+        [q.at(lo), q.c + 0.5 * q.b * (lo + hi) + q.a * lo * hi, q.at(hi)]
+    }
+}
+
+/// Number of coefficients of a sextic.
+pub(crate) const COUNT: usize = 7;
+/// Binomials of 6.
+const BINOMIAL: [f64; COUNT] = [1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0];
+
+/// Returns the Bernstein coefficients of `base + sum f q^3` on a span where every q is positive, and the sum of |f| 3 q^2 w that a relative error of the q,
+/// w being their weights, brings into them.
+pub(crate) fn sextic_on(
+    base: Quadratic,
+    bumps: &[(Quadratic, f64)],
+    span: Span,
+    weight: impl Fn(usize) -> f64,
+) -> ([f64; COUNT], f64) {
+    let [f0, f1, f2] = quadratic_on(base, span);
+    // Sum in scaled coefficients (binomial times Bernstein), which multiply like powers. The base times (1, 4, 6, 4, 1), cut off where the span is infinite.
+    let f1 = 2.0 * f1;
+    let mut sum = if span.lo == f64::NEG_INFINITY {
+        [0.0, 0.0, 0.0, 0.0, f0, f1, f2]
+    } else if span.hi == f64::INFINITY {
+        [f0, f1, f2, 0.0, 0.0, 0.0, 0.0]
+    } else {
+        [
+            f0,
+            4.0 * f0 + f1,
+            6.0 * f0 + 4.0 * f1 + f2,
+            4.0 * (f0 + f2) + 6.0 * f1,
+            6.0 * f2 + 4.0 * f1 + f0,
+            4.0 * f2 + f1,
+            f2,
+        ]
+    };
+    let mut error = 0.0;
+    for (index, &(q, factor)) in bumps.iter().enumerate() {
+        let [q0, q1, q2] = quadratic_on(q, span);
+        // The ends may be roots of q: what rounding makes negative there is zero.
+        let (q0, q2) = (q0.max(0.0), q2.max(0.0));
+        let largest = q0.max(q1.abs()).max(q2);
+        error += factor.abs() * 3.0 * (largest * largest) * weight(index);
+        let q1 = 2.0 * q1;
+        let (p0, p1, p2) = (q0 * q0, q1 * q1, q2 * q2);
+        let q02 = q0 * q2;
+        sum[0] += factor * (p0 * q0);
+        sum[1] += factor * (3.0 * p0 * q1);
+        sum[2] += factor * (3.0 * q0 * (p1 + q02));
+        sum[3] += factor * (q1 * (p1 + 6.0 * q02));
+        sum[4] += factor * (3.0 * q2 * (p1 + q02));
+        sum[5] += factor * (3.0 * p2 * q1);
+        sum[6] += factor * (p2 * q2);
+    }
+    for (sum, binomial) in sum.iter_mut().zip(BINOMIAL) {
+        *sum /= binomial;
+    }
+    (sum, error)
+}
+
+/// Signs of a list of coefficients of which those within `noise` count as zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Signs {
+    /// Changes of sign: the number of roots inside is this or less by an even number.
+    pub(crate) variations: u32,
+    /// First sign that is known: -1, 1, or 0 where none is.
+    pub(crate) first: f64,
+    /// Last sign that is known.
+    pub(crate) last: f64,
+}
+
+/// Returns the signs of Bernstein coefficients.
+pub(crate) fn signs(coefficients: &[f64; COUNT], noise: f64) -> Signs {
+    let mut signs = Signs { variations: 0, first: 0.0, last: 0.0 };
+    for &c in coefficients {
+        // NaN is neither: it counts as unknown.
+        let sign = if c > noise {
+            1.0
+        } else if c < -noise {
+            -1.0
+        } else {
+            continue;
+        };
+        if signs.first == 0.0 {
+            signs.first = sign;
+        }
+        signs.variations += u32::from(signs.last == -sign);
+        signs.last = sign;
+    }
+    signs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Value at u of Bernstein coefficients, by de Casteljau.
+    fn evaluate(mut c: [f64; COUNT], u: f64) -> f64 {
+        for n in (1..COUNT).rev() {
+            for k in 0..n {
+                c[k] += u * (c[k + 1] - c[k]);
+            }
+        }
+        c[0]
+    }
+
+    #[test]
+    fn bernstein_form_equals_the_function() {
+        let base = Quadratic { a: 0.3, b: -1.0, c: 0.2 };
+        let bumps = [(Quadratic { a: -1.0, b: 0.5, c: 3.0 }, 0.7), (Quadratic { a: 0.25, b: 0.1, c: 1.0 }, -0.2)];
+        let f = |s: f64| base.at(s) + bumps.iter().map(|(q, f)| f * q.at(s).powi(3)).sum::<f64>();
+        let (finite, _) = sextic_on(base, &bumps, Span { lo: -0.5, hi: 1.5, step: 1.0 }, |_| 0.0);
+        // On infinite spans a quadratic must be positive at infinity to take part.
+        let bumps = &bumps[1..];
+        let g = |s: f64| base.at(s) + bumps.iter().map(|(q, f)| f * q.at(s).powi(3)).sum::<f64>();
+        let (up, _) = sextic_on(base, bumps, Span { lo: -0.5, hi: f64::INFINITY, step: 2.0 }, |_| 0.0);
+        let (down, _) = sextic_on(base, bumps, Span { lo: f64::NEG_INFINITY, hi: 0.5, step: 2.0 }, |_| 0.0);
+        for k in 0..=10 {
+            let u = f64::from(k) / 10.0;
+            assert!((evaluate(finite, u) - f(-0.5 + 2.0 * u)).abs() < 1e-13, "finite span at {u}");
+            if k < 10 {
+                let expected = g(-0.5 + 2.0 * u / (1.0 - u)) * (1.0 - u).powi(6);
+                assert!((evaluate(up, u) - expected).abs() < 1e-13, "upward span at {u}");
+                let expected = g(0.5 - 2.0 * u / (1.0 - u)) * (1.0 - u).powi(6);
+                assert!((evaluate(down, 1.0 - u) - expected).abs() < 1e-13, "downward span at {u}");
+            }
+        }
+    }
+
+    #[test]
+    fn signs_skip_noise_and_nan() {
+        let s = signs(&[1e-17, 1.0, -1e-17, f64::NAN, 2.0, -1.0, 0.0], 1e-16);
+        assert_eq!(s, Signs { variations: 1, first: 1.0, last: -1.0 }, "one change among the known");
+        assert_eq!(signs(&[0.0; COUNT], 0.0), Signs { variations: 0, first: 0.0, last: 0.0 }, "nothing known");
+    }
+}

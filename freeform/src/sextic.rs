@@ -1,0 +1,137 @@
+//! Roots on one piece where perturbations act: a polynomial of degree six, isolated by Bernstein signs and polished by Newton's method.
+
+use std::ops::ControlFlow;
+
+use crate::{
+    Crossing,
+    bernstein::{COUNT, Span, sextic_on, signs},
+    quadratic::Quadratic,
+    quadric::Weight,
+    trace::{Local, Walker, value_noise},
+};
+
+/// Cuts in half before a span counts as a point: more than the 53 bits of a finite one, and 1e72 units for an infinite one.
+const DEPTH_MAX: u32 = 60;
+/// Steps of the polish. Newton's needs about five; a triple root needs about 40 with bisection between.
+const STEPS_MAX: u32 = 100;
+
+/// The function along the ray, on the piece where just these perturbations act.
+pub(crate) struct Sextic<'a> {
+    pub(crate) local: &'a Local,
+    pub(crate) base: Quadratic,
+    pub(crate) base_weight: Weight,
+    /// Quadratic and factor of each acting perturbation.
+    pub(crate) bumps: &'a [(Quadratic, f64)],
+    pub(crate) weights: &'a [Weight],
+    /// Where the ray starts, and the value below which it starts on the surface.
+    pub(crate) start: Option<(f64, f64)>,
+}
+
+impl Sextic<'_> {
+    /// Walks the piece from `lo` to `hi`.
+    pub(crate) fn walk<V: FnMut(Crossing) -> ControlFlow<()>>(
+        &self,
+        lo: f64,
+        hi: f64,
+        walker: &mut Walker<V>,
+    ) -> ControlFlow<()> {
+        let finite = if lo.is_finite() { lo } else { hi };
+        let step = self.local.unit() + finite.abs();
+        self.isolate(Span { lo, hi, step }, 0, walker)
+    }
+
+    /// Cuts the span until each part has a known number of roots: none or one.
+    fn isolate<V: FnMut(Crossing) -> ControlFlow<()>>(
+        &self,
+        span: Span,
+        depth: u32,
+        walker: &mut Walker<V>,
+    ) -> ControlFlow<()> {
+        let r = self.local.distance(span.reach());
+        let (mut coefficients, error) = sextic_on(self.base, self.bumps, span, |k| self.weights[k].at(r));
+        let starts_on_surface =
+            self.start.is_some_and(|(start, noise)| span.lo == start && coefficients[0].abs() <= noise);
+        if starts_on_surface {
+            coefficients[0] = 0.0;
+        }
+        let signs = signs(&coefficients, value_noise(self.base_weight.at(r) + error));
+        let Span { lo, hi, .. } = span;
+        if signs.first == 0.0 {
+            // Zero in every digit is the surface itself, which is inside; else rounding hides the sign and the walker keeps the last one.
+            return if coefficients == [0.0; COUNT] { walker.stretch(lo, hi, true) } else { ControlFlow::Continue(()) };
+        }
+        let inside = signs.first > 0.0;
+        if signs.variations == 0 {
+            return walker.stretch(lo, hi, inside);
+        }
+        // From a start on the surface the span is cut first, so that the polish cannot fall back to the start.
+        if signs.variations == 1 && !starts_on_surface && lo.is_finite() && hi.is_finite() {
+            let root = self.polish(lo, hi, &coefficients, inside);
+            return walker.root((lo, root, hi), inside);
+        }
+        if depth == DEPTH_MAX {
+            walker.stretch(lo, lo, inside)?;
+            return walker.stretch(hi, hi, signs.last > 0.0);
+        }
+        let (lower, upper) = span.halves();
+        self.isolate(lower, depth + 1, walker)?;
+        self.isolate(upper, depth + 1, walker)
+    }
+
+    /// Returns value and slope at `s`, from the quadratics themselves.
+    #[inline]
+    fn value_and_slope(&self, s: f64) -> (f64, f64) {
+        let mut value = self.base.at(s);
+        let mut slope = self.base.slope(s);
+        for &(q, factor) in self.bumps {
+            let (at, change) = (q.at(s), q.slope(s));
+            let square = factor * (at * at);
+            value += square * at;
+            slope += 3.0 * square * change;
+        }
+        (value, slope)
+    }
+
+    /// Returns the one root between `lo` and `hi`: Newton's method from where the control polygon crosses zero, kept between ends of known signs by bisection.
+    fn polish(&self, mut lo: f64, mut hi: f64, coefficients: &[f64; COUNT], inside: bool) -> f64 {
+        let tolerance = f64::EPSILON * self.local.unit();
+        let mut s = lo + (hi - lo) * polygon_root(coefficients, inside);
+        let mut last_step = hi - lo;
+        for _ in 0..STEPS_MAX {
+            let (value, slope) = self.value_and_slope(s);
+            if value == 0.0 {
+                break;
+            }
+            if (value > 0.0) == inside {
+                lo = s;
+            } else {
+                hi = s;
+            }
+            let mut next = s - value / slope;
+            // Written so that a slope of zero, infinity or NaN bisects; so does a step that did not shrink.
+            if !(next > lo && next < hi && (next - s).abs() < 0.5 * last_step) {
+                next = 0.5 * (lo + hi);
+            }
+            last_step = (next - s).abs();
+            s = next;
+            if last_step <= tolerance + f64::EPSILON * s.abs() {
+                break;
+            }
+        }
+        s
+    }
+}
+
+/// Returns where, in [0, 1], the control polygon leaves its first sign.
+fn polygon_root(coefficients: &[f64; COUNT], inside: bool) -> f64 {
+    let mut at = 0.0;
+    for pair in coefficients.windows(2) {
+        let &[a, b] = pair else { continue };
+        if (b > 0.0) != inside {
+            let share = a / (a - b);
+            return (at + if share > 0.0 && share < 1.0 { share } else { 0.5 }) / 6.0;
+        }
+        at += 1.0;
+    }
+    0.5
+}

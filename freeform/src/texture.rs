@@ -1,0 +1,28 @@
+//! Texture coordinates: where on the surface a picture's points go.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec2, DVec3};
+
+use crate::Solid;
+
+impl Solid {
+    /// Returns texture coordinates (u, v) of a point.
+    ///
+    /// A bounded solid takes them from the direction in which the centre of its box sees the point: u in [0, 1) is the angle about +y from -z towards +x over 2 pi,
+    /// v in [0, 1] the angle from -y over pi, so that the picture's lower edge is at the bottom (the pole and the centre give u = 0). An unbounded one is mapped
+    /// from above: (x, -z) in units of length, relative to the origin of its first form, to be repeated.
+    pub fn texture_coordinates(&self, p: DVec3) -> DVec2 {
+        let extent = self.extent();
+        if extent.is_empty() || !extent.is_finite() {
+            let v = p - self.first_form().origin();
+            return DVec2::new(v.x, -v.z);
+        }
+        let v = p - 0.5 * (extent.min + extent.max);
+        let turn = v.x.atan2(-v.z) / TAU;
+        // A tiny negative angle plus one rounds to one, which is the same place as zero.
+        let u = if turn < 0.0 { turn + 1.0 } else { turn.abs() };
+        let height = v.x.hypot(v.z).atan2(-v.y) / PI;
+        DVec2::new(if u < 1.0 && v.x.hypot(v.z) > 0.0 { u } else { 0.0 }, height)
+    }
+}

@@ -1,0 +1,360 @@
+//! A ray through one free form: every place where the sign of its function changes, in order.
+//!
+//! Along a ray each quadric is a quadratic in the ray parameter. The roots of the perturbing quadratics cut the ray into pieces; on each the function is a
+//! polynomial of degree two (the base alone: solved in closed form) or six (see `sextic`). The pieces are walked in order by a `Walker` that knows on which side it is: a
+//! sign that differs from the last known one is a crossing, so a root at the end of a piece is neither lost nor doubled.
+//!
+//! Nothing is expanded about a far point: the ray's origin is moved beside the form before coefficients are formed.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+
+use crate::{
+    Crossing, FreeForm, Perturbation, Ray,
+    quadratic::{Quadratic, Roots},
+    quadric::Weight,
+    sextic::Sextic,
+};
+
+/// Up to so many perturbations a ray uses the stack alone; beyond, one allocation a ray.
+const SMALL: usize = 8;
+/// See `SMALL`; the larger arrays cost 4 KB of zeros.
+const LARGE: usize = 32;
+
+/// Rounding of a value as a share of the largest terms that may enter it: half a unit in the last place, against a weight that is already too large by a
+/// factor of two to ten. A dip shallower than this is a touch, not two crossings.
+const VALUE_ROUNDING: f64 = 0.5 * f64::EPSILON;
+/// A start so near to the surface, in shares as above, is on the surface. Hit points that a caller computes carry several roundings.
+const START_ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// Rounding of a start point as a share of the largest number that entered it.
+const POINT_ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// The ray in the frame of a form: `p + s d` with s = t - t0, and p the point of the ray nearest to the form's middle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Local {
+    pub(crate) p: DVec3,
+    pub(crate) d: DVec3,
+    t0: f64,
+    lo: f64,
+    hi: f64,
+    /// Lengths of p and d.
+    p_length: f64,
+    d_length: f64,
+    /// Rounding error of the start, where the ray starts at its own start and not at the form's box.
+    start_error: Option<f64>,
+}
+
+impl Local {
+    /// Moves the ray to the form, cut to its box; `None` where it misses that.
+    #[inline]
+    fn new(form: &FreeForm, ray: &Ray) -> Option<Self> {
+        let extent = form.extent();
+        if !ray.is_sound() || extent.is_empty() {
+            return None;
+        }
+        let (o, d) = (ray.origin - form.origin(), ray.direction);
+        let (near, far) = extent.clip(o, d, ray.t_min, ray.t_max)?;
+        let middle = 0.5 * (extent.min + extent.max);
+        let middle = DVec3::select(middle.is_finite_mask(), middle, DVec3::ZERO);
+        let t0 = ((middle - o).dot(d) / d.length_squared()).clamp(near, far);
+        let p = o + t0 * d;
+        let d_length = d.length();
+        let start_error = (near == ray.t_min && near.is_finite()).then(|| {
+            let largest = ray.origin.length() + form.origin().length() + near.abs() * d_length;
+            POINT_ROUNDING * largest
+        });
+        let local = Self { p, d, t0, lo: near - t0, hi: far - t0, p_length: p.length(), d_length, start_error };
+        (p.is_finite() && local.lo < local.hi).then_some(local)
+    }
+
+    /// Returns a bound on the distance from the form's origin at the parameter `s`.
+    #[inline]
+    pub(crate) fn distance(&self, s: f64) -> f64 {
+        self.p_length + s.abs() * self.d_length
+    }
+
+    /// Returns the change of s that moves a point by as much as p is long: the unit in which an infinite span is cut and below whose rounding no root is polished.
+    #[inline]
+    pub(crate) fn unit(&self) -> f64 {
+        let unit = self.p_length / self.d_length;
+        if unit > 0.0 { unit } else { self.d_length.recip() }
+    }
+}
+
+/// A perturbation along the ray and where it acts.
+#[derive(Debug, Clone, Copy)]
+struct Bump {
+    quadratic: Quadratic,
+    factor: f64,
+    weight: Weight,
+    lo: f64,
+    hi: f64,
+    /// It acts outside (lo, hi) instead of inside.
+    outside: bool,
+}
+
+impl Bump {
+    const NONE: Self =
+        Self { quadratic: Quadratic::ZERO, factor: 0.0, weight: Weight::ZERO, lo: 0.0, hi: 0.0, outside: false };
+
+    /// Returns the perturbation along the ray if it acts anywhere on it.
+    #[inline]
+    fn new(perturbation: &Perturbation, local: &Local) -> Option<Self> {
+        let quadratic = perturbation.quadric.along(local.p, local.d);
+        let (lo, hi, outside) = match quadratic.roots() {
+            Roots::None => {
+                (quadratic.sign_at_minus_infinity() > 0.0).then_some((f64::NEG_INFINITY, f64::INFINITY, false))?
+            }
+            Roots::One(root) if quadratic.b > 0.0 => (root, f64::INFINITY, false),
+            Roots::One(root) => (f64::NEG_INFINITY, root, false),
+            Roots::Two(lo, hi) => (lo, hi, quadratic.a > 0.0),
+        };
+        let acts = if outside { local.lo < lo || hi < local.hi } else { local.lo < hi && lo < local.hi };
+        let Perturbation { quadric, factor } = perturbation;
+        (acts && *factor != 0.0).then(|| Self { quadratic, factor: *factor, weight: quadric.weight(), lo, hi, outside })
+    }
+
+    /// Says whether it acts on a piece; pieces end at `lo` and `hi`.
+    #[inline]
+    fn acts_on(&self, lo: f64, hi: f64) -> bool {
+        if self.outside { hi <= self.lo || self.hi <= lo } else { self.lo <= lo && hi <= self.hi }
+    }
+}
+
+/// Arrays for one ray.
+struct Scratch<'a> {
+    bumps: &'a mut [Bump],
+    acting: &'a mut [(Quadratic, f64)],
+    weights: &'a mut [Weight],
+    breaks: &'a mut [f64],
+}
+
+/// What is known after a walk.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Walked {
+    /// Whether the ray is inside just beyond its start.
+    pub(crate) starts_inside: bool,
+    /// Whether it is inside just before its end, or where the visitor stopped it.
+    pub(crate) ends_inside: bool,
+}
+
+/// Shows each crossing of the ray with the surface to `visit`, in order, until that breaks off.
+pub(crate) fn walk(form: &FreeForm, ray: &Ray, visit: impl FnMut(Crossing) -> ControlFlow<()>) -> Walked {
+    let Some(local) = Local::new(form, ray) else {
+        return Walked { starts_inside: false, ends_inside: false };
+    };
+    match form.perturbations().len() {
+        0 => walk_with::<0, 3>(form, &local, visit),
+        1..=SMALL => walk_with::<SMALL, { 2 * SMALL + 3 }>(form, &local, visit),
+        ..=LARGE => walk_with::<LARGE, { 2 * LARGE + 3 }>(form, &local, visit),
+        n => {
+            let (mut bumps, mut acting) = (vec![Bump::NONE; n], vec![(Quadratic::ZERO, 0.0); n]);
+            let (mut weights, mut breaks) = (vec![Weight::ZERO; n], vec![0.0; 2 * n + 3]);
+            let scratch =
+                Scratch { bumps: &mut bumps, acting: &mut acting, weights: &mut weights, breaks: &mut breaks };
+            walk_pieces(form, &local, scratch, visit)
+        }
+    }
+}
+
+/// Walks with arrays on the stack.
+fn walk_with<const N: usize, const BREAKS: usize>(
+    form: &FreeForm,
+    local: &Local,
+    visit: impl FnMut(Crossing) -> ControlFlow<()>,
+) -> Walked {
+    let (mut bumps, mut acting) = ([Bump::NONE; N], [(Quadratic::ZERO, 0.0); N]);
+    let (mut weights, mut breaks) = ([Weight::ZERO; N], [0.0; BREAKS]);
+    let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, weights: &mut weights, breaks: &mut breaks };
+    walk_pieces(form, local, scratch, visit)
+}
+
+/// Cuts the ray into pieces and walks them.
+fn walk_pieces(
+    form: &FreeForm,
+    local: &Local,
+    scratch: Scratch<'_>,
+    visit: impl FnMut(Crossing) -> ControlFlow<()>,
+) -> Walked {
+    let Scratch { bumps, acting, weights, breaks } = scratch;
+    let mut count = 0;
+    for bump in form.perturbations().iter().filter_map(|perturbation| Bump::new(perturbation, local)) {
+        bumps[count] = bump;
+        count += 1;
+    }
+    let bumps = &bumps[..count];
+    let breaks = sorted_breaks(bumps, local, breaks);
+
+    let base = form.base().along(local.p, local.d);
+    let base_weight = form.base().weight();
+    let mut walker = Walker { t0: local.t0, state: None, initial: None, last: local.lo, visit };
+    let mut start_noise = local.start_error.map(|error| start_noise(base_weight, bumps, local, error));
+    for piece in breaks.windows(2) {
+        let &[lo, hi] = piece else { continue };
+        let mut active = 0;
+        for bump in bumps.iter().filter(|bump| bump.acts_on(lo, hi)) {
+            acting[active] = (bump.quadratic, bump.factor);
+            weights[active] = bump.weight;
+            active += 1;
+        }
+        let flow = if active == 0 {
+            walker.conic(local, base, base_weight, (lo, hi), start_noise)
+        } else {
+            let sextic = Sextic {
+                local,
+                base,
+                base_weight,
+                bumps: &acting[..active],
+                weights: &weights[..active],
+                start: start_noise.map(|noise| (lo, noise)),
+            };
+            sextic.walk(lo, hi, &mut walker)
+        };
+        start_noise = None;
+        if flow.is_break() {
+            break;
+        }
+    }
+    // A ray that stays in the surface is inside, for the solid is closed; at the edge of the box that is only rounding.
+    let initial = walker.initial.unwrap_or(local.start_error.is_some());
+    Walked { starts_inside: initial, ends_inside: walker.state.unwrap_or(initial) }
+}
+
+/// Writes the ends of the pieces in order: both ends of the ray, the roots between, and 0 between two infinite ends.
+fn sorted_breaks<'a>(bumps: &[Bump], local: &Local, breaks: &'a mut [f64]) -> &'a [f64] {
+    breaks[0] = local.lo;
+    let mut count = 1;
+    let mut insert = |s: f64| {
+        if s > local.lo && s < local.hi {
+            let mut k = count;
+            while breaks[k - 1] > s {
+                breaks[k] = breaks[k - 1];
+                k -= 1;
+            }
+            if breaks[k - 1] < s {
+                breaks[k] = s;
+                count += 1;
+            } else {
+                // The same root twice: close the gap again.
+                breaks.copy_within(k + 1..=count, k);
+            }
+        }
+    };
+    for bump in bumps {
+        insert(bump.lo);
+        insert(bump.hi);
+    }
+    if local.lo == f64::NEG_INFINITY && local.hi == f64::INFINITY {
+        insert(0.0);
+    }
+    breaks[count] = local.hi;
+    &breaks[..=count]
+}
+
+/// Returns the value below which the start counts as on the surface.
+fn start_noise(base: Weight, bumps: &[Bump], local: &Local, point_error: f64) -> f64 {
+    let r = local.distance(local.lo);
+    let noise = |weight: Weight| START_ROUNDING * weight.at(r) + point_error * weight.slope(r);
+    let bumps = bumps.iter().map(|bump| {
+        let q = bump.quadratic.at(local.lo).max(0.0);
+        3.0 * bump.factor.abs() * (q * q) * noise(bump.weight)
+    });
+    noise(base) + bumps.sum::<f64>()
+}
+
+/// Follows the sign of the function along the ray.
+pub(crate) struct Walker<V> {
+    t0: f64,
+    /// Last known side: inside or not.
+    state: Option<bool>,
+    /// First known side.
+    initial: Option<bool>,
+    /// Where the last known stretch ended.
+    last: f64,
+    visit: V,
+}
+
+impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
+    /// Takes note that the function has one sign from `lo` to `hi`. After the other sign that is a crossing: in the middle of what rounding hides between the two.
+    #[inline]
+    pub(crate) fn stretch(&mut self, lo: f64, hi: f64, inside: bool) -> ControlFlow<()> {
+        let before = self.state.replace(inside);
+        let last = std::mem::replace(&mut self.last, hi);
+        match before {
+            None => self.initial = Some(inside),
+            Some(side) if side != inside => {
+                let s = if lo > last { 0.5 * (last + lo) } else { lo };
+                (self.visit)(Crossing { t: self.t0 + s, entering: inside })?;
+            }
+            Some(_) => {}
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Takes note of two stretches with a root between them.
+    #[inline]
+    pub(crate) fn root(&mut self, (lo, root, hi): (f64, f64, f64), inside_before: bool) -> ControlFlow<()> {
+        self.stretch(lo, root, inside_before)?;
+        self.stretch(root, hi, !inside_before)
+    }
+
+    /// Walks a piece on which the base acts alone.
+    #[inline]
+    fn conic(
+        &mut self,
+        local: &Local,
+        q: Quadratic,
+        weight: Weight,
+        (lo, hi): (f64, f64),
+        start_noise: Option<f64>,
+    ) -> ControlFlow<()> {
+        if q == Quadratic::ZERO {
+            return self.stretch(lo, hi, true);
+        }
+        if start_noise.is_some_and(|noise| q.at(lo).abs() <= noise) {
+            return self.conic_from_root(q, lo, hi);
+        }
+        let mut inside = q.sign_at_minus_infinity() > 0.0;
+        let (first, second) = match q.roots() {
+            Roots::None => (f64::INFINITY, f64::INFINITY),
+            Roots::One(root) => (root, f64::INFINITY),
+            Roots::Two(first, second) => {
+                let vertex = -0.5 * q.b / q.a;
+                let touches = (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(local.distance(vertex));
+                if touches { (f64::INFINITY, f64::INFINITY) } else { (first, second) }
+            }
+        };
+        let mut from = lo;
+        for root in [first, second] {
+            if root >= hi {
+                break;
+            }
+            if root > lo {
+                self.stretch(from, root, inside)?;
+                from = root;
+            }
+            inside = !inside;
+        }
+        self.stretch(from, hi, inside)
+    }
+
+    /// Walks such a piece from a start on the surface: that root is known, the slope tells the side beyond it and where the other root lies.
+    fn conic_from_root(&mut self, q: Quadratic, lo: f64, hi: f64) -> ControlFlow<()> {
+        let slope = q.slope(lo);
+        let side = if slope == 0.0 { q.a } else { slope };
+        let other = lo - slope / q.a;
+        if side == 0.0 {
+            ControlFlow::Continue(())
+        } else if other > lo && other < hi {
+            self.root((lo, other, hi), side > 0.0)
+        } else {
+            self.stretch(lo, hi, side > 0.0)
+        }
+    }
+}
+
+/// Returns the value within which signs are rounding, from the weight of the terms.
+pub(crate) fn value_noise(weight: f64) -> f64 {
+    VALUE_ROUNDING * weight
+}
