@@ -1,0 +1,208 @@
+//! Uniform numbers: an Owen-scrambled Sobol sequence for a pixel's samples, and a small generator where no structure is wanted.
+//!
+//! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first four Sobol dimensions,
+//! every block shuffled and scrambled by a seed of its own ("padding", Burley 2020): within a block the samples of a
+//! pixel are stratified, between blocks they are independent.
+//!
+//! # Source
+//!
+//! Brent Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020. Melissa O'Neill, *PCG: A Family of Simple Fast
+//! Space-Efficient Statistically Good Algorithms for Random Number Generation*, 2014.
+
+use glam::Vec2;
+
+/// The sequence repeats after so many points; beyond, another scramble takes over.
+const SEQUENCE_LENGTH: u32 = 1 << 16;
+
+/// Mixes a number so that neighbouring ones become unrelated (the finaliser of SplitMix64, Steele et al. 2014).
+#[must_use]
+pub const fn hash(x: u64) -> u64 {
+    let mut x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// Mixes two numbers; the order matters.
+#[must_use]
+pub const fn hash_pair(a: u64, b: u64) -> u64 {
+    hash(hash(a) ^ b)
+}
+
+/// Returns the upper half, the better mixed one.
+const fn upper(x: u64) -> u32 {
+    (x >> 32) as u32
+}
+
+/// Low-discrepancy numbers of one sample of one pixel, all in [0, 1).
+#[derive(Debug, Clone)]
+pub struct Sampler {
+    /// Pixel, seed and which stretch of 65,536 samples.
+    key: u64,
+    /// `key` and the bounce.
+    bounce_key: u64,
+    /// The sample within its stretch.
+    index: u32,
+    /// Blocks drawn in this bounce.
+    block: u32,
+    values: [f32; 4],
+    used: usize,
+}
+
+impl Sampler {
+    /// Starts the numbers of sample number `sample` of `pixel`, at bounce 0. A pixel may be any thing that has samples, such as the index
+    /// of a record; another `seed` gives independent numbers. There is no limit to the number of samples.
+    #[must_use]
+    pub const fn new(seed: u64, pixel: u64, sample: u32) -> Self {
+        let key = hash_pair(hash_pair(seed, pixel), (sample / SEQUENCE_LENGTH) as u64);
+        Self { key, bounce_key: key, index: sample % SEQUENCE_LENGTH, block: 0, values: [0.0; 4], used: 4 }
+    }
+
+    /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have used.
+    pub const fn start_bounce(&mut self, bounce: u32) {
+        self.bounce_key = if bounce == 0 { self.key } else { hash_pair(self.key, bounce as u64) };
+        self.block = 0;
+        self.used = 4;
+    }
+
+    /// Returns the next four numbers, stratified together, and gives up what is left of the block before.
+    pub fn next_4d(&mut self) -> [f32; 4] {
+        let seed = upper(hash_pair(self.bounce_key, u64::from(self.block)));
+        self.block += 1;
+        self.used = 4;
+        sobol_burley::sample_4d(self.index, 0, seed)
+    }
+
+    /// Returns the next number.
+    pub fn next_1d(&mut self) -> f32 {
+        if self.used == 4 {
+            self.values = self.next_4d();
+            self.used = 0;
+        }
+        self.used += 1;
+        self.values[self.used - 1]
+    }
+
+    /// Returns the next pair, stratified together.
+    pub fn next_2d(&mut self) -> Vec2 {
+        if self.used > 2 {
+            self.values = self.next_4d();
+            self.used = 0;
+        }
+        self.used += 2;
+        Vec2::new(self.values[self.used - 2], self.values[self.used - 1])
+    }
+}
+
+/// A stream of unrelated numbers: PCG32, 16 bytes and a multiplication a number.
+#[derive(Debug, Clone)]
+pub struct Rng {
+    state: u64,
+    increment: u64,
+}
+
+impl Rng {
+    /// Starts stream number `stream`: each is a sequence of its own.
+    #[must_use]
+    pub const fn new(seed: u64, stream: u64) -> Self {
+        Self { state: hash_pair(seed, stream), increment: hash(stream) | 1 }
+    }
+
+    /// Returns 32 uniform bits.
+    pub const fn next_u32(&mut self) -> u32 {
+        let old = self.state;
+        self.state = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(self.increment);
+        #[expect(clippy::cast_possible_truncation, reason = "PCG's output keeps 32 bits")]
+        let word = (((old >> 18) ^ old) >> 27) as u32;
+        word.rotate_right((old >> 59) as u32)
+    }
+
+    /// Returns a number in [0, 1), a multiple of 2^-24.
+    pub const fn next_1d(&mut self) -> f32 {
+        (self.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0)
+    }
+
+    /// Returns a pair of numbers in [0, 1).
+    pub const fn next_2d(&mut self) -> Vec2 {
+        let x = self.next_1d();
+        Vec2::new(x, self.next_1d())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sample_65536_differs_from_sample_0() {
+        let first = |sample| Sampler::new(7, 3, sample).next_4d();
+        assert_ne!(first(0), first(65_536), "the sequence must not repeat where sobol_burley ends");
+        assert_ne!(first(65_535), first(131_071), "nor in its last point");
+        assert_eq!(first(65_536), first(65_536), "but each sample is always the same");
+    }
+
+    #[test]
+    fn sixteen_samples_fall_in_sixteen_strata() {
+        // Base-2 nets: any 16 consecutive points from a multiple of 16 have one point in each of 16 rows, columns and 4 x 4 cells.
+        for pixel in 0..50 {
+            for bounce in [0, 1, 9] {
+                let mut cells = [0u32; 3];
+                for sample in 64..80 {
+                    let mut sampler = Sampler::new(1, pixel, sample);
+                    sampler.start_bounce(bounce);
+                    let u = sampler.next_2d();
+                    let cell = |x: f32, n: f32| (x * n) as u32;
+                    cells[0] |= 1 << cell(u.x, 16.0);
+                    cells[1] |= 1 << cell(u.y, 16.0);
+                    cells[2] |= 1 << (4 * cell(u.y, 4.0) + cell(u.x, 4.0));
+                }
+                assert_eq!(cells, [0xffff; 3], "pixel {pixel}, bounce {bounce}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_bounce_has_its_numbers_whatever_was_used_before() {
+        let mut a = Sampler::new(1, 2, 3);
+        let mut b = a.clone();
+        a.next_1d();
+        a.next_2d();
+        a.next_2d();
+        a.start_bounce(1);
+        b.start_bounce(1);
+        let values = (0..5).map(|_| a.next_1d()).collect::<Vec<_>>();
+        assert_eq!(values, (0..5).map(|_| b.next_1d()).collect::<Vec<_>>(), "bounce 1");
+        a.start_bounce(2);
+        assert_ne!(values[0], a.next_1d(), "bounces differ");
+    }
+
+    #[test]
+    fn seeds_and_pixels_are_uncorrelated() {
+        // Correlation of n = 4096 pairs of uniform numbers has deviation 1/64; 4.5 of them.
+        for (da, db) in [(1, 0), (0, 1)] {
+            let mut sum = 0.0;
+            for pixel in 0..4096 {
+                let x = Sampler::new(5, pixel, 0).next_1d() - 0.5;
+                let y = Sampler::new(5 + da, pixel + db, 0).next_1d() - 0.5;
+                sum += f64::from(12.0 * x * y) / 4096.0;
+            }
+            assert!(sum.abs() < 4.5 / 64.0, "correlation {sum}");
+        }
+    }
+
+    #[test]
+    fn streams_are_uniform() {
+        // 16 cells of 65,536 / 16 expected: chi-squared with 15 degrees exceeds 44.3 once in 10^4.
+        for stream in 0..8 {
+            let mut rng = Rng::new(11, stream);
+            let mut cells = [0.0f64; 16];
+            for _ in 0..65_536 {
+                let u = rng.next_2d();
+                assert!(u.cmplt(Vec2::ONE).all() && u.cmpge(Vec2::ZERO).all(), "range: {u}");
+                cells[(u.x * 4.0) as usize * 4 + (u.y * 4.0) as usize] += 1.0;
+            }
+            let chi2: f64 = cells.iter().map(|n| (n - 4096.0).powi(2) / 4096.0).sum();
+            assert!(chi2 < 44.3, "stream {stream}: {chi2}");
+        }
+    }
+}
