@@ -1,1 +1,33 @@
-//! Meshes, free forms, materials, lights and cameras, their acceleration structure and their files
+//! Meshes, free forms, materials, lights and cameras, their acceleration structure and their files.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod bounds;
+mod bvh;
+mod camera;
+mod check;
+mod description;
+mod environment;
+mod error;
+mod form;
+mod light;
+mod material;
+mod ray;
+mod scene;
+mod surface;
+mod texture;
+mod triangles;
+
+pub use bounds::Aabb;
+pub use camera::Camera;
+pub use description::{Description, FormObject, Material, Mesh, NO_INDEX, PunctualLight, SpecularKind};
+pub use environment::Environment;
+pub use error::BuildError;
+pub use freeform;
+pub use glam;
+pub use light::{Emission, LightSample, Lights};
+pub use material::{Bsdf, BsdfSample, Lobes, Specular, fresnel_dielectric};
+pub use ray::{Hit, Ray};
+pub use scene::{Features, Scene};
+pub use surface::Surface;
+pub use texture::Texture;

@@ -1,0 +1,192 @@
+//! Building the tree: boxes, obvhs, wide nodes, packets.
+
+use glam::{Vec3, Vec3A, Vec4};
+use obvhs::BvhBuildParams;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::ploc::{PlocSearchDistance, SortPrecision};
+
+use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
+use super::{Bvh, Child, Node};
+use crate::Aabb;
+
+/// Something to find.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Primitive {
+    /// A triangle's corners, and whether it may have holes.
+    Triangle { corners: [Vec3; 3], cut_out: bool },
+    /// A free form's box.
+    Form(Aabb),
+    /// Nothing: cannot be hit, but keeps the numbers of what follows.
+    Nothing,
+}
+
+/// Boxes grow by a hash of up to this share of their extent: equal boxes in a row would tie in the builder, which then makes
+/// trees as deep as the row is long.
+const GROWTH: f32 = 1e-4;
+
+/// Boxes grow by this share of the scene's diagonal besides: a triangle's sheared corners are rounded by some units of roundoff of their distance
+/// from the ray's origin, and a ray must enter the box of whatever triangle takes it.
+const PADDING: f32 = 4e-7;
+
+/// Primitives in a leaf.
+const LANES: usize = 4;
+
+impl Bvh {
+    /// Builds the tree over all primitives, numbered in their order. The same primitives give the same tree.
+    pub(crate) fn new(primitives: &[Primitive]) -> Self {
+        let numbers: Vec<u32> =
+            (0u32..).zip(primitives).filter(|(_, p)| !matches!(p, Primitive::Nothing)).map(|(i, _)| i).collect();
+        if numbers.is_empty() {
+            return Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
+        }
+        let binary = build_bvh2(&boxes(primitives, &numbers), parameters(), &mut std::time::Duration::default());
+        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
+        bvh.widen(&binary, |slot| {
+            let number = numbers[binary.primitive_indices[slot] as usize];
+            (number, primitives[number as usize])
+        });
+        bvh
+    }
+
+    /// Makes the nodes of four children and the packets from the binary tree.
+    fn widen(&mut self, binary: &Bvh2, primitive: impl Fn(usize) -> (u32, Primitive)) {
+        self.nodes.push(Node::EMPTY);
+        // Wide node, the binary nodes to put in it, and its depth. A list, not recursion: some trees are deep.
+        let mut todo = vec![(0, children(binary, 0), 1)];
+        let mut depth = 0;
+        while let Some((node, members, level)) = todo.pop() {
+            depth = depth.max(level);
+            for (lane, &member) in members.iter().enumerate() {
+                let source = &binary.nodes[member];
+                let child = if source.is_leaf() {
+                    let first = source.first_index as usize;
+                    self.packets.push(Packet::new((first..first + source.prim_count as usize).map(&primitive)));
+                    Child::leaf(self.packets.len() - 1)
+                } else {
+                    self.nodes.push(Node::EMPTY);
+                    todo.push((self.nodes.len() - 1, children(binary, member), level + 1));
+                    Child::inner(self.nodes.len() - 1)
+                };
+                self.nodes[node].set(lane, source.aabb().min, source.aabb().max, child);
+            }
+        }
+        // Each node on a path leaves at most three siblings behind, the last one has four children.
+        self.stack_size = 3 * depth + 1;
+        self.nodes.shrink_to_fit();
+        self.packets.shrink_to_fit();
+    }
+}
+
+/// Returns up to four descendants of a binary node that together hold what it holds: the largest are opened first.
+fn children(binary: &Bvh2, node: usize) -> Vec<usize> {
+    let mut members = vec![node];
+    while members.len() < LANES {
+        let open = |i: &usize| !binary.nodes[members[*i]].is_leaf();
+        let area = |i: usize| binary.nodes[members[i]].aabb().half_area();
+        let Some(largest) = (0..members.len()).filter(open).max_by(|&i, &j| area(i).total_cmp(&area(j))) else { break };
+        let first = binary.nodes[members[largest]].first_index as usize;
+        members[largest] = first;
+        members.push(first + 1);
+    }
+    members
+}
+
+/// Returns the grown box of each primitive.
+fn boxes(primitives: &[Primitive], numbers: &[u32]) -> Vec<obvhs::aabb::Aabb> {
+    let tight: Vec<Aabb> = numbers.iter().map(|&i| primitives[i as usize].bounds()).collect();
+    let all = tight.iter().fold(Aabb::EMPTY, |all, &b| all.union(b));
+    let padding = PADDING * (all.max - all.min).length();
+    (numbers.iter().zip(tight))
+        .map(|(&number, Aabb { min, max })| {
+            let extent = max - min;
+            let grow = |axis: u32| {
+                (padding + GROWTH * unit_hash(number, axis) * extent.to_array()[axis as usize % 3])
+                    .max(f32::MIN_POSITIVE)
+            };
+            obvhs::aabb::Aabb {
+                min: Vec3A::from(min - Vec3::new(grow(0), grow(1), grow(2))),
+                max: Vec3A::from(max + Vec3::new(grow(3), grow(4), grow(5))),
+            }
+        })
+        .collect()
+}
+
+/// Returns a number in [0, 1) that looks random (the finaliser of MurmurHash3).
+fn unit_hash(index: u32, axis: u32) -> f32 {
+    let mut h = index.wrapping_mul(0x9e37_79b9) ^ axis.wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    ((h ^ (h >> 16)) >> 8) as f32 / (1u32 << 24) as f32
+}
+
+/// obvhs' medium build with leaves that fill a packet: a packet costs about as much as a node, however many lanes are in use.
+fn parameters() -> BvhBuildParams {
+    BvhBuildParams {
+        pre_split: false,
+        ploc_search_distance: PlocSearchDistance::Medium,
+        search_depth_threshold: 3,
+        reinsertion_batch_ratio: 0.05,
+        post_collapse_reinsertion_batch_ratio_multiplier: 2.0,
+        sort_precision: SortPrecision::U64,
+        max_prims_per_leaf: 4,
+        collapse_traversal_cost: 3.0,
+    }
+}
+
+impl Primitive {
+    /// Returns the smallest box around it.
+    pub(crate) fn bounds(&self) -> Aabb {
+        match self {
+            Self::Triangle { corners, .. } => Aabb::of_points(corners),
+            Self::Form(bounds) => *bounds,
+            Self::Nothing => Aabb::EMPTY,
+        }
+    }
+}
+
+impl Node {
+    const EMPTY: Self = Self { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], children: [Child(0); 4] };
+
+    fn set(&mut self, lane: usize, min: Vec3A, max: Vec3A, child: Child) {
+        for axis in 0..3 {
+            self.bounds[0][axis][lane] = min[axis];
+            self.bounds[1][axis][lane] = max[axis];
+        }
+        self.children[lane] = child;
+    }
+}
+
+impl Child {
+    fn leaf(packet: usize) -> Self {
+        Self(Self::LEAF | Self::index(packet))
+    }
+
+    fn inner(node: usize) -> Self {
+        Self(Self::index(node))
+    }
+
+    fn index(i: usize) -> u32 {
+        let index = u32::try_from(i).unwrap_or(Self::LEAF);
+        assert!(index < Self::LEAF, "the number of primitives is limited so that indices fit 31 bits");
+        index
+    }
+}
+
+impl Packet {
+    fn new(members: impl Iterator<Item = (u32, Primitive)>) -> Self {
+        let mut packet = Self::EMPTY;
+        for (lane, (number, primitive)) in members.enumerate() {
+            assert!(number < PRIMITIVE, "primitives are fewer than 2^30");
+            packet.primitives[lane] = number;
+            match primitive {
+                Primitive::Triangle { corners, cut_out } => {
+                    packet.set_triangle(lane, corners);
+                    packet.primitives[lane] |= if cut_out { CUT_OUT } else { 0 };
+                }
+                Primitive::Form(_) | Primitive::Nothing => packet.primitives[lane] |= FORM,
+            }
+        }
+        packet
+    }
+}

@@ -1,0 +1,55 @@
+//! The acceleration structure over triangles and the boxes of free forms.
+//!
+//! obvhs builds a binary tree; pairs of its levels are merged to nodes of four children, whose boxes one ray meets at once in
+//! four lanes, and each leaf is a packet of up to four primitives, tested in four lanes likewise.
+
+mod build;
+mod packet;
+mod traverse;
+
+use glam::Vec4;
+
+pub(crate) use build::Primitive;
+use packet::Packet;
+
+/// A tree of boxes over primitives.
+#[derive(Debug)]
+pub(crate) struct Bvh {
+    nodes: Vec<Node>,
+    packets: Vec<Packet>,
+    /// Entries of the traversal stack that the deepest path can need.
+    stack_size: usize,
+}
+
+/// Four children with their boxes, a lane each. The lanes of absent ones hold an inside-out box, which no ray meets.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    /// Lowest and highest coordinates: `bounds[0][axis]` and `bounds[1][axis]`.
+    bounds: [[Vec4; 3]; 2],
+    children: [Child; 4],
+}
+
+/// A node or, with the highest bit set, a packet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Child(u32);
+
+impl Child {
+    const LEAF: u32 = 1 << 31;
+
+    #[inline]
+    fn node(self) -> Option<usize> {
+        (self.0 & Self::LEAF == 0).then_some(self.0 as usize)
+    }
+
+    #[inline]
+    fn packet(self) -> usize {
+        (self.0 & !Self::LEAF) as usize
+    }
+}
+
+impl Bvh {
+    /// Returns the memory held, bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>() + self.packets.capacity() * size_of::<Packet>()
+    }
+}

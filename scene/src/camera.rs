@@ -1,0 +1,54 @@
+//! A pinhole camera.
+
+use glam::{UVec2, Vec2, Vec3, Vec3A};
+
+use crate::{Aabb, Ray};
+
+/// A pinhole camera; the right of the picture is forward x up, film coordinates run right and down from the upper left corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// The pinhole, metres.
+    pub eye: Vec3,
+    /// A point in the middle of the picture.
+    pub at: Vec3,
+    /// A direction that is upwards in the picture; need be neither unit nor at right angles to the view.
+    pub up: Vec3,
+    /// The whole vertical angle of view, degrees, in (0, 180).
+    pub fov_y_degrees: f32,
+}
+
+/// Angle of view of a camera that nobody chose, degrees.
+const DEFAULT_FOV: f32 = 40.0;
+
+impl Camera {
+    /// Returns a camera that sees all of `bounds`, from the front (+z), a little from above and from the right.
+    #[must_use]
+    pub fn framing(bounds: Aabb) -> Self {
+        let centre = bounds.centre();
+        let radius = bounds.radius().max(f32::MIN_POSITIVE);
+        let distance = radius / (0.5 * DEFAULT_FOV.to_radians()).sin();
+        let towards = Vec3::new(0.35, 0.3, 1.0).normalize();
+        Self { eye: centre + towards * distance, at: centre, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV }
+    }
+
+    /// Returns the ray through a point of the film.
+    ///
+    /// `film` is in pixels from the upper left corner, y down; the middle of a pixel is at + 0.5. `size` is the picture's size in
+    /// pixels, which are square.
+    #[inline]
+    #[must_use]
+    pub fn ray(&self, film: Vec2, size: UVec2) -> Ray {
+        let forward = Vec3A::from(self.at - self.eye).normalize();
+        let right = forward.cross(self.up.into()).normalize();
+        let up = right.cross(forward);
+        let plane = (film - 0.5 * size.as_vec2()) * self.pixel_angle(size);
+        Ray::new(self.eye.into(), (forward + right * plane.x - up * plane.y).normalize())
+    }
+
+    /// Returns the angle of one pixel in the middle of the picture, radians (to first order: its width at distance 1).
+    #[inline]
+    #[must_use]
+    pub fn pixel_angle(&self, size: UVec2) -> f32 {
+        2.0 * (0.5 * self.fov_y_degrees.to_radians()).tan() / size.as_vec2().y
+    }
+}

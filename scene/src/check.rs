@@ -1,0 +1,205 @@
+//! Checks every number and index of a description once, so that nothing else has to.
+
+use glam::{Vec2, Vec3};
+
+use crate::description::NO_INDEX;
+use crate::{BuildError, Description, Environment, FormObject, Material, Mesh, PunctualLight, SpecularKind, Texture};
+
+/// Triangles and free forms together, and vertices, at most.
+pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
+const MAX_MATERIALS: usize = 65_536;
+/// Farther coordinates would overflow f32 in the triangle test, whose products are of the third degree.
+const MAX_COORDINATE: f32 = 1e12;
+
+pub(crate) fn check(description: &Description) -> Result<(), BuildError> {
+    let counts = [
+        ("triangles", description.meshes.iter().map(|m| m.triangles.len()).sum(), MAX_PRIMITIVES),
+        ("positions", description.meshes.iter().map(|m| m.positions.len()).sum(), MAX_PRIMITIVES),
+        ("normals", description.meshes.iter().map(|m| m.normals.len()).sum(), MAX_PRIMITIVES),
+        ("texture coordinates", description.meshes.iter().map(|m| m.uvs.len()).sum(), MAX_PRIMITIVES),
+        ("free forms", description.forms.len(), MAX_PRIMITIVES),
+        ("materials", description.materials.len(), MAX_MATERIALS),
+    ];
+    for (what, count, limit) in counts {
+        if count > limit {
+            return Err(BuildError::TooMany { what, count, limit });
+        }
+    }
+    for mesh in &description.meshes {
+        check_mesh(mesh, description.materials.len())?;
+    }
+    for (index, form) in description.forms.iter().enumerate() {
+        check_form(index, form, description.materials.len())?;
+    }
+    for (index, material) in description.materials.iter().enumerate() {
+        check_material(index, material, description.textures.len())?;
+    }
+    for (index, texture) in description.textures.iter().enumerate() {
+        check_texture(index, texture)?;
+    }
+    for (index, light) in description.lights.iter().enumerate() {
+        check_light(index, light)?;
+    }
+    description.environment.as_ref().map_or(Ok(()), check_environment)?;
+    description.camera.as_ref().map_or(Ok(()), check_camera)
+}
+
+fn check_mesh(mesh: &Mesh, materials: usize) -> Result<(), BuildError> {
+    let vertex = |kind, index, what| Err(BuildError::Vertex { mesh: mesh.name.clone(), kind, index, what });
+    if let Some(index) = mesh.positions.iter().position(|p| !(p.abs().max_element() <= MAX_COORDINATE && p.is_finite()))
+    {
+        return vertex("position", index, "is not finite or beyond 1e12");
+    }
+    if let Some(index) = mesh.normals.iter().position(|n| n.try_normalize().is_none()) {
+        return vertex("normal", index, "is not finite or of length 0");
+    }
+    if let Some(index) = mesh.uvs.iter().position(|uv| !Vec2::is_finite(*uv)) {
+        return vertex("texture coordinate", index, "is not finite");
+    }
+    let count = mesh.triangles.len();
+    let whole = |what| Err(BuildError::Mesh { mesh: mesh.name.clone(), what });
+    if mesh.materials.len() != count {
+        return whole("the number of materials is not that of triangles");
+    }
+    if !(mesh.normal_indices.is_empty() || mesh.normal_indices.len() == count) {
+        return whole("the number of normal indices is not that of triangles");
+    }
+    if !(mesh.uv_indices.is_empty() || mesh.uv_indices.len() == count) {
+        return whole("the number of texture indices is not that of triangles");
+    }
+    check_indices(mesh, "position", &mesh.triangles, mesh.positions.len(), false)?;
+    check_indices(mesh, "normal", &mesh.normal_indices, mesh.normals.len(), true)?;
+    check_indices(mesh, "texture", &mesh.uv_indices, mesh.uvs.len(), true)?;
+    if let Some(triangle) = mesh.materials.iter().position(|&m| m as usize >= materials) {
+        let what = format!("material {} of {materials}", mesh.materials[triangle]);
+        return Err(BuildError::Triangle { mesh: mesh.name.clone(), triangle, what });
+    }
+    Ok(())
+}
+
+fn check_indices(
+    mesh: &Mesh,
+    kind: &str,
+    indices: &[[u32; 3]],
+    count: usize,
+    optional: bool,
+) -> Result<(), BuildError> {
+    let wrong = |&i: &u32| i as usize >= count && !(optional && i == NO_INDEX);
+    match indices
+        .iter()
+        .enumerate()
+        .find_map(|(triangle, corners)| corners.iter().copied().find(wrong).map(|i| (triangle, i)))
+    {
+        Some((triangle, i)) => {
+            Err(BuildError::Triangle { mesh: mesh.name.clone(), triangle, what: format!("{kind} {i} of {count}") })
+        }
+        None => Ok(()),
+    }
+}
+
+fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), BuildError> {
+    if form.material as usize >= materials {
+        return Err(BuildError::Form { form: form.name.clone(), index, what: "its material does not exist" });
+    }
+    Ok(())
+}
+
+fn check_material(index: usize, material: &Material, textures: usize) -> Result<(), BuildError> {
+    let missing = |texture: Option<u32>| texture.is_some_and(|t| t as usize >= textures);
+    let problem = if !is_share(material.diffuse) {
+        Some("the diffuse colour is not in [0, 1]")
+    } else if missing(material.diffuse_texture) || missing(material.opacity_texture) {
+        Some("a texture does not exist")
+    } else if !is_light(material.emission) {
+        Some("the emission is negative or not finite")
+    } else if !(0.0..=1.0).contains(&material.opacity) {
+        Some("the opacity is not in [0, 1]")
+    } else {
+        specular_problem(material.specular)
+    };
+    problem.map_or(Ok(()), |what| Err(BuildError::Material { material: material.name.clone(), index, what }))
+}
+
+fn specular_problem(specular: SpecularKind) -> Option<&'static str> {
+    match specular {
+        SpecularKind::None => None,
+        SpecularKind::Ggx { alpha, .. } if !(alpha > 0.0 && alpha <= 1.0) => {
+            Some("the roughness (width alpha) is not in (0, 1]")
+        }
+        SpecularKind::Ggx { reflectance, .. } | SpecularKind::Mirror { reflectance } => {
+            (!is_share(reflectance)).then_some("the specular colour is not in [0, 1]")
+        }
+        SpecularKind::Dielectric { ior, .. } if !(0.1..=10.0).contains(&ior) => {
+            Some("the refractive index is not in [0.1, 10]")
+        }
+        SpecularKind::Dielectric { tint, .. } if !is_share(tint) => Some("the tint is not in [0, 1]"),
+        SpecularKind::Dielectric { absorption, .. } => {
+            (!is_light(absorption)).then_some("the absorption is negative or not finite")
+        }
+    }
+}
+
+fn check_texture(index: usize, texture: &Texture) -> Result<(), BuildError> {
+    let (low, high) = texture.range();
+    if low >= 0.0 && high <= 1.0 {
+        Ok(())
+    } else {
+        Err(BuildError::Texture { index, what: "a value is not in [0, 1]" })
+    }
+}
+
+fn check_light(index: usize, light: &PunctualLight) -> Result<(), BuildError> {
+    let problem = match *light {
+        PunctualLight::Point { position, .. }
+            if !(position.is_finite() && position.abs().max_element() <= MAX_COORDINATE) =>
+        {
+            Some("the position is not finite or beyond 1e12")
+        }
+        PunctualLight::Point { intensity, .. } => {
+            (!is_light(intensity)).then_some("the intensity is negative or not finite")
+        }
+        PunctualLight::Directional { direction, .. } if direction.try_normalize().is_none() => {
+            Some("the direction is not finite or of length 0")
+        }
+        PunctualLight::Directional { irradiance, .. } => {
+            (!is_light(irradiance)).then_some("the irradiance is negative or not finite")
+        }
+    };
+    problem.map_or(Ok(()), |what| Err(BuildError::Light { index, what }))
+}
+
+fn check_environment(environment: &Environment) -> Result<(), BuildError> {
+    match environment.pixels.iter().position(|&radiance| !is_light(radiance)) {
+        Some(pixel) => Err(BuildError::Environment { pixel, what: "the radiance is negative or not finite" }),
+        None => Ok(()),
+    }
+}
+
+fn check_camera(camera: &crate::Camera) -> Result<(), BuildError> {
+    let finite = |v: Vec3| v.is_finite() && v.abs().max_element() <= MAX_COORDINATE;
+    if !(finite(camera.eye) && finite(camera.at) && finite(camera.up)) {
+        return Err(BuildError::Camera("a number is not finite or beyond 1e12"));
+    }
+    if !(camera.fov_y_degrees > 0.0 && camera.fov_y_degrees < 180.0) {
+        return Err(BuildError::Camera("the angle of view is not between 0 and 180 degrees"));
+    }
+    let Some(forward) = (camera.at - camera.eye).try_normalize() else {
+        return Err(BuildError::Camera("eye and at are the same point"));
+    };
+    // Below this sine the sides of the picture would be rounding errors.
+    const LEAST_SINE: f32 = 1e-5;
+    match camera.up.try_normalize() {
+        Some(up) if up.cross(forward).length() >= LEAST_SINE => Ok(()),
+        _ => Err(BuildError::Camera("up is parallel to the view or of length 0")),
+    }
+}
+
+/// Whether all channels are in [0, 1].
+fn is_share(color: Vec3) -> bool {
+    color.cmpge(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all()
+}
+
+/// Whether all channels are finite and not negative.
+fn is_light(color: Vec3) -> bool {
+    color.is_finite() && color.cmpge(Vec3::ZERO).all()
+}

@@ -1,0 +1,112 @@
+//! Surroundings at infinity: a picture in longitude and latitude.
+//!
+//! ```text
+//! u = atan2(x, -z) / 2 pi mod 1        the left edge is -z, a quarter to the right +x, the middle +z
+//! v = acos(y) / pi                     the first row is up
+//! ```
+//! The lookup is bilinear with texel centres at column u W - 1/2 (wrapping round) and row v H - 1/2 (clamped).
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{Vec2, Vec3, Vec3A};
+
+/// Radiance from infinity, W m^-2 sr^-1.
+#[derive(Debug, Clone)]
+pub struct Environment {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) pixels: Vec<Vec3>,
+}
+
+impl Environment {
+    /// Returns the surroundings that a picture holds, the first row up.
+    ///
+    /// # Panics
+    /// If there are no pixels or their number is not `width * height`.
+    #[must_use]
+    pub fn from_pixels(width: u32, height: u32, pixels: Vec<Vec3>) -> Self {
+        assert!(!pixels.is_empty(), "an environment has pixels");
+        assert!(pixels.len() == width as usize * height as usize, "{width} x {height} is not {}", pixels.len());
+        Self { width, height, pixels }
+    }
+
+    /// Returns the same radiance from everywhere.
+    #[must_use]
+    pub fn constant(radiance: Vec3) -> Self {
+        Self { width: 1, height: 1, pixels: vec![radiance] }
+    }
+
+    /// Returns an overcast sky for scenes that have no light: the CIE overcast distribution (1 + 2 sin elevation) / 3, of radiance 1 at
+    /// the zenith and a little bluish, over a ground of radiance 0.2.
+    #[must_use]
+    pub fn sky() -> Self {
+        const ROWS: u32 = 64;
+        let pixels = (0..ROWS).map(|row| {
+            let elevation = (PI * (row as f32 + 0.5) / ROWS as f32).cos();
+            if elevation > 0.0 {
+                Vec3::new(0.93, 0.98, 1.09) * ((1.0 + 2.0 * elevation) / 3.0)
+            } else {
+                Vec3::new(0.21, 0.2, 0.18)
+            }
+        });
+        Self { width: 1, height: ROWS, pixels: pixels.collect() }
+    }
+
+    /// Returns the same surroundings, `factor` times as bright.
+    #[must_use]
+    pub fn scaled(mut self, factor: f32) -> Self {
+        for pixel in &mut self.pixels {
+            *pixel *= factor;
+        }
+        self
+    }
+
+    /// Returns width and height in pixels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Returns the memory held, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.pixels.capacity() * size_of::<Vec3>()
+    }
+
+    /// Returns the radiance that arrives from the unit vector `direction`.
+    #[inline]
+    #[must_use]
+    pub fn radiance(&self, direction: Vec3A) -> Vec3 {
+        if self.pixels.len() == 1 {
+            return self.pixels[0];
+        }
+        let uv = direction_to_uv(direction);
+        let x = uv.x * self.width as f32 - 0.5;
+        let y = (uv.y * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
+        let (column, fx) = split(x);
+        let (row, fy) = split(y);
+        let left = column.rem_euclid(self.width as usize as isize).unsigned_abs();
+        let right = if left + 1 == self.width as usize { 0 } else { left + 1 };
+        let top = row.unsigned_abs();
+        let bottom = (top + 1).min(self.height as usize - 1);
+        let at = |x: usize, y: usize| self.pixels[y * self.width as usize + x];
+        at(left, top).lerp(at(right, top), fx).lerp(at(left, bottom).lerp(at(right, bottom), fx), fy)
+    }
+}
+
+/// Returns the whole part of a small number and the rest.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "a column or row number")]
+fn split(x: f32) -> (isize, f32) {
+    let floor = x.floor();
+    (floor as isize, x - floor)
+}
+
+/// Returns where a unit direction lies in the picture, in [0, 1]^2.
+#[inline]
+pub(crate) fn direction_to_uv(direction: Vec3A) -> Vec2 {
+    let u = direction.x.atan2(-direction.z) / TAU;
+    // acos loses half the digits near the poles; atan2 does not.
+    let v = Vec2::new(direction.x, direction.z).length().atan2(direction.y) / PI;
+    Vec2::new(if u < 0.0 { u + 1.0 } else { u }, v)
+}

@@ -1,0 +1,96 @@
+//! Free forms among the triangles: from f32 rays to f64 and back.
+
+use freeform::{Bounds, Solid};
+use glam::{Vec2, Vec3A};
+
+use crate::{Aabb, Ray};
+
+/// A free form with what a ray needs to know of it.
+#[derive(Debug)]
+pub(crate) struct Form {
+    pub(crate) solid: Solid,
+    pub(crate) material: u32,
+    /// `None` where it is unbounded.
+    pub(crate) bounds: Option<Aabb>,
+    pub(crate) cut_out: bool,
+}
+
+/// A point on a free form.
+pub(crate) struct FormPoint {
+    pub(crate) p: Vec3A,
+    /// Outward unit normal.
+    pub(crate) n: Vec3A,
+    pub(crate) uv: Vec2,
+    pub(crate) p_error: f32,
+}
+
+/// Rounding of a position from f64 to f32, and a little for the root itself.
+const POSITION_ERROR: f32 = f32::EPSILON;
+
+/// After a crossing that is a hole the search goes on this share of t farther.
+const STEP: f64 = 1e-9;
+
+impl Form {
+    pub(crate) fn new(solid: Solid, material: u32, cut_out: bool) -> Self {
+        let bounds = match solid.bounds() {
+            Bounds::Finite { min, max } => {
+                Some(Aabb::around(min, max)).filter(|b| b.min.is_finite() && b.max.is_finite())
+            }
+            Bounds::Unbounded => None,
+        };
+        Self { solid, material, bounds, cut_out }
+    }
+
+    /// Returns where the ray first crosses the surface, where `keep` says that it is there.
+    #[inline]
+    pub(crate) fn first_hit(&self, ray: &Ray, keep: impl Fn(f32) -> bool) -> Option<f32> {
+        let mut range = double_ray(ray);
+        loop {
+            let crossing = self.solid.first_hit(&range)?;
+            #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+            let t = crossing.t as f32;
+            if t > ray.t_min && t < ray.t_max && (!self.cut_out || keep(t)) {
+                return Some(t);
+            }
+            range.t_min = crossing.t + STEP * crossing.t.abs().max(STEP);
+            if range.t_min >= range.t_max {
+                return None;
+            }
+        }
+    }
+
+    /// Returns the point at parameter `t` of a ray.
+    pub(crate) fn point(&self, ray: &Ray, t: f32) -> FormPoint {
+        let direction = ray.direction.as_dvec3();
+        let mut p = ray.origin.as_dvec3() + direction * f64::from(t);
+        // t was rounded: one step of Newton's method along the ray brings the point back to the surface.
+        let slope = self.solid.gradient(p).dot(direction);
+        let step = -self.solid.value(p) / slope;
+        let reach = f64::from(f32::EPSILON) * f64::from(t);
+        if step.abs() <= reach {
+            p += direction * step;
+        }
+        let n = self.solid.normal(p, direction);
+        // What is still missing, to first order.
+        let missed = (self.solid.value(p) / self.solid.gradient(p).length()).abs();
+        #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
+        let missed = if missed <= reach { missed as f32 } else { (reach as f32).abs() };
+        let rounded = p.as_vec3a();
+        let p_error = rounded.abs().max_element() * POSITION_ERROR + missed + f32::MIN_POSITIVE;
+        FormPoint {
+            p: rounded,
+            n: n.as_vec3a().normalize_or(-ray.direction),
+            uv: self.solid.texture_coordinates(p).as_vec2(),
+            p_error,
+        }
+    }
+}
+
+fn double_ray(ray: &Ray) -> freeform::Ray {
+    freeform::Ray {
+        origin: ray.origin.as_dvec3(),
+        direction: ray.direction.as_dvec3(),
+        t_min: f64::from(ray.t_min),
+        t_max: f64::from(ray.t_max),
+    }
+}

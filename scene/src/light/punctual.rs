@@ -1,0 +1,67 @@
+//! Lights without extent.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3, Vec3A};
+
+use super::{Emission, LightSample, Sphere};
+use crate::{PunctualLight, Ray};
+
+/// Returns the light with a unit direction.
+pub(super) fn normalised(light: PunctualLight) -> PunctualLight {
+    match light {
+        PunctualLight::Directional { direction, irradiance } => {
+            PunctualLight::Directional { direction: direction.normalize(), irradiance }
+        }
+        PunctualLight::Point { .. } => light,
+    }
+}
+
+/// Returns the flux, W; of a directional light that through the sphere around the scene.
+pub(super) fn flux(light: &PunctualLight, surroundings: &Sphere) -> Vec3 {
+    match *light {
+        PunctualLight::Point { intensity, .. } => intensity * (4.0 * PI),
+        PunctualLight::Directional { irradiance, .. } => irradiance * surroundings.cross_section(),
+    }
+}
+
+#[inline]
+pub(super) fn sample(light: &PunctualLight, p: Vec3A, probability: f32) -> Option<LightSample> {
+    match *light {
+        PunctualLight::Point { position, intensity } => {
+            let offset = Vec3A::from(position) - p;
+            let distance = offset.length();
+            let radiance = intensity / (distance * distance);
+            // At the light itself the irradiance has no bound.
+            radiance.is_finite().then(|| LightSample {
+                wi: offset / distance,
+                distance,
+                radiance,
+                pdf: probability,
+                delta: true,
+            })
+        }
+        PunctualLight::Directional { direction, irradiance } => {
+            let wi = -Vec3A::from(direction);
+            Some(LightSample { wi, distance: f32::INFINITY, radiance: irradiance, pdf: probability, delta: true })
+        }
+    }
+}
+
+#[inline]
+pub(super) fn emit(light: &PunctualLight, surroundings: &Sphere, u_position: Vec2, u_direction: Vec2) -> Emission {
+    let ray = match *light {
+        PunctualLight::Point { position, .. } => Ray::new(position.into(), uniform_direction(u_direction)),
+        PunctualLight::Directional { direction, .. } => surroundings.ray(direction.into(), u_position),
+    };
+    Emission { ray, flux: flux(light, surroundings) }
+}
+
+/// Returns a direction that is uniform over the sphere.
+fn uniform_direction(u: Vec2) -> Vec3A {
+    // The lower half of u.x goes below: both hemispheres keep an even map.
+    let below = u.x < 0.5;
+    let half = Vec2::new(if below { 2.0 * u.x } else { 2.0 * u.x - 1.0 }, u.y);
+    let w = hemimap::square_to_uniform_hemisphere(half);
+    if below { Vec3A::new(w.x, w.y, -w.z) } else { w }
+}

@@ -1,0 +1,187 @@
+//! A triangle that shines from its front.
+//!
+//! Seen from near, directions are chosen uniformly per solid angle; from far, points uniformly per area, which is cheaper and there as good: distance and
+//! cosine hardly vary. Which of them depends on the point alone, so that the density is known for any direction.
+//!
+//! # Source
+//! Arvo 1995: Stratified Sampling of Spherical Triangles. Van Oosterom, Strackee 1983: The Solid Angle of a Plane Triangle.
+
+use std::f32::consts::PI;
+
+use glam::{DVec3, Vec2, Vec3, Vec3A};
+
+use super::{Emission, LightSample};
+use crate::{Ray, Surface, surface};
+
+/// An emissive triangle.
+#[derive(Debug)]
+pub(crate) struct TriangleLight {
+    corners: [Vec3; 3],
+    /// Unit normal of the front.
+    normal: Vec3A,
+    area: f32,
+    /// Length of the longest edge, squared.
+    size_sq: f32,
+    /// Radiance, W m^-2 sr^-1.
+    radiance: Vec3,
+    /// Its index among the scene's primitives.
+    pub(super) primitive: u32,
+}
+
+/// A triangle is far if its squared distance is at least this many times its longest edge's square: distances then differ by a tenth.
+const FAR_SQ: f32 = 100.0;
+
+/// Slivers of a smaller solid angle are sampled by area: Arvo's formula would lose its digits in f64.
+const LEAST_SOLID_ANGLE: f64 = 1e-9;
+
+/// Rounding of a point interpolated from corners, as in [`Surface::p_error`].
+const POSITION_ERROR: f32 = 7.0 * f32::EPSILON;
+
+impl TriangleLight {
+    /// Makes a light; `None` where the triangle has no area or no radiance.
+    pub(crate) fn new(corners: [Vec3; 3], radiance: Vec3, primitive: u32) -> Option<Self> {
+        let [a, b, c] = corners.map(|p| p.as_dvec3());
+        let area_normal = (b - a).cross(c - a);
+        let normal = area_normal.try_normalize()?.as_vec3a();
+        let area = 0.5 * area_normal.length();
+        let size_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+        let light = Self { corners, normal, area: area as f32, size_sq: size_sq as f32, radiance, primitive };
+        (light.area > 0.0 && radiance.max_element() > 0.0).then_some(light)
+    }
+
+    /// Returns the flux, W.
+    pub(super) fn flux(&self) -> Vec3 {
+        self.radiance * (PI * self.area)
+    }
+
+    #[inline]
+    pub(super) fn sample(&self, p: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
+        let to_corner = Vec3A::from(self.corners[0]) - p;
+        if self.normal.dot(to_corner) >= 0.0 {
+            return None;
+        }
+        match self.near(p) {
+            Some(triangle) => {
+                let direction = triangle.sample(u);
+                let [a, b, c] = self.corners.map(|corner| corner.as_dvec3());
+                let normal = (b - a).cross(c - a);
+                let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
+                #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+                let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
+                let wi = direction.as_vec3a();
+                (distance > 0.0).then(|| LightSample {
+                    wi,
+                    distance,
+                    radiance: self.radiance,
+                    pdf: pdf * probability,
+                    delta: false,
+                })
+            }
+            None => {
+                let offset = self.point(u) - p;
+                let distance_sq = offset.length_squared();
+                let distance = distance_sq.sqrt();
+                let wi = offset / distance;
+                let pdf = distance_sq / (-self.normal.dot(wi) * self.area) * probability;
+                (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
+                    wi,
+                    distance,
+                    radiance: self.radiance,
+                    pdf,
+                    delta: false,
+                })
+            }
+        }
+    }
+
+    /// Returns the density of a direction in which a ray from `p` met this triangle at `surface`, per steradian.
+    #[inline]
+    pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
+        match self.near(p) {
+            #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+            Some(triangle) => (1.0 / triangle.solid_angle) as f32,
+            None => {
+                let pdf = surface.p.distance_squared(p) / (-self.normal.dot(wi) * self.area);
+                if pdf > 0.0 && pdf.is_finite() { pdf } else { 0.0 }
+            }
+        }
+    }
+
+    pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {
+        let frame = hemimap::Frame::from_normal(self.normal);
+        let direction = frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction));
+        let p = self.point(u_position);
+        let largest = self.corners.iter().fold(Vec3::ZERO, |largest, corner| largest.max(corner.abs()));
+        let origin = surface::offset(p, self.normal, largest.max_element() * POSITION_ERROR, direction);
+        Emission { ray: Ray::new(origin, direction), flux: self.flux() }
+    }
+
+    /// Returns a point that is uniform over the area.
+    #[inline]
+    fn point(&self, u: Vec2) -> Vec3A {
+        let root = u.x.sqrt();
+        let [a, b, c] = self.corners.map(Vec3A::from);
+        a * (1.0 - root) + b * (root * (1.0 - u.y)) + c * (root * u.y)
+    }
+
+    /// Returns the triangle on the unit sphere around `p` where it is to be sampled by solid angle.
+    #[inline]
+    fn near(&self, p: Vec3A) -> Option<SphericalTriangle> {
+        let [a, b, c] = self.corners.map(|corner| Vec3A::from(corner) - p);
+        let distance_sq = a.length_squared().min(b.length_squared()).min(c.length_squared());
+        if distance_sq >= FAR_SQ * self.size_sq {
+            return None;
+        }
+        SphericalTriangle::new(self.corners.map(|corner| corner.as_dvec3() - p.as_dvec3()))
+    }
+}
+
+/// A triangle on the unit sphere.
+struct SphericalTriangle {
+    /// Unit vectors.
+    a: DVec3,
+    b: DVec3,
+    c: DVec3,
+    /// a . (b x c), positive.
+    volume: f64,
+    solid_angle: f64,
+}
+
+impl SphericalTriangle {
+    #[inline]
+    fn new(corners: [DVec3; 3]) -> Option<Self> {
+        let [a, b, c] = corners.map(|v| v.normalize_or_zero());
+        let volume = a.dot(b.cross(c)).abs();
+        let solid_angle = 2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+        (solid_angle > LEAST_SOLID_ANGLE).then_some(Self { a, b, c, volume, solid_angle })
+    }
+
+    /// Returns a direction that is uniform per solid angle.
+    #[inline]
+    fn sample(&self, u: Vec2) -> DVec3 {
+        let Self { a, b, c, volume, solid_angle } = *self;
+        // The corner's angle, whose sine and cosine need no trigonometry: the planes' normals are a x b and a x c.
+        let (ab, ac) = (a.cross(b), a.cross(c));
+        let lengths = ab.length() * ac.length();
+        let (cosine, sine) = (ab.dot(ac) / lengths, volume / lengths);
+        // A plane through b cuts off the share u.x of the area; it meets the arc from a to c at `foot`.
+        let (sin_area, cos_area) = (f64::from(u.x) * solid_angle).sin_cos();
+        let s = sin_area * cosine - cos_area * sine;
+        let t = cos_area * cosine + sin_area * sine;
+        let x = t - cosine;
+        let y = s + sine * a.dot(b);
+        let q = ((y * t - x * s) * cosine - y) / ((y * s + x * t) * sine);
+        let q = if q.is_finite() { q.clamp(-1.0, 1.0) } else { 1.0 };
+        let foot = a * q + across(c, a) * ((1.0 - q) * (1.0 + q)).sqrt();
+        // Along the arc from b to it, the height is uniform.
+        let z = 1.0 - f64::from(u.y) * (1.0 - foot.dot(b));
+        b * z + across(foot, b) * ((1.0 - z) * (1.0 + z)).max(0.0).sqrt()
+    }
+}
+
+/// Returns the unit vector in the plane of `v` and `axis` that is at right angles to the unit vector `axis`.
+#[inline]
+fn across(v: DVec3, axis: DVec3) -> DVec3 {
+    (v - axis * v.dot(axis)).normalize_or_zero()
+}

@@ -1,0 +1,221 @@
+//! The scene under construction, and what all readers share: each OBJ, library and picture is read once.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+
+use super::error::{LoadError, Place, quoted};
+use super::files::Files;
+use super::mtl::{self, MtlMaterial};
+use super::obj::{self, Obj};
+use super::picture::{self, Pixels};
+use super::warnings::Warnings;
+use super::{FileSettings, Loaded, limits, mtl_meaning};
+use crate::description::{Description, Material, Mesh, SpecularKind};
+use crate::{Environment, Texture};
+
+/// What a texture is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Use {
+    /// Diffuse colour.
+    Color,
+    /// Opacity.
+    Mask,
+}
+
+/// Collects a [`Description`].
+pub(super) struct Loader<'a> {
+    pub(super) files: Files<'a>,
+    pub(super) description: Description,
+    pub(super) warnings: Warnings,
+    textures: HashMap<(PathBuf, Use), u32>,
+    objs: HashMap<PathBuf, Mesh>,
+    triangles: usize,
+    default_material: Option<u32>,
+}
+
+/// Materials by name, each with the library it is from.
+type Library = HashMap<String, (PathBuf, MtlMaterial)>;
+
+impl<'a> Loader<'a> {
+    pub(super) fn new(files: Files<'a>) -> Self {
+        Self {
+            files,
+            description: Description::default(),
+            warnings: Warnings::default(),
+            textures: HashMap::new(),
+            objs: HashMap::new(),
+            triangles: 0,
+            default_material: None,
+        }
+    }
+
+    /// Ends the work: a scene without light gets a sky.
+    pub(super) fn finish(mut self, settings: FileSettings, environment_scale: f32) -> Loaded {
+        let shining: Vec<bool> = self.description.materials.iter().map(|material| material.emission != Vec3::ZERO).collect();
+        let description = &mut self.description;
+        let is_lit = description.environment.is_some()
+            || !description.lights.is_empty()
+            || description.forms.iter().any(|form| shining[form.material as usize])
+            || description.meshes.iter().flat_map(|mesh| &mesh.materials).any(|&material| shining[material as usize]);
+        if !is_lit {
+            description.environment = Some(Environment::sky());
+        }
+        if environment_scale != 1.0 {
+            description.environment = description.environment.take().map(|environment| environment.scaled(environment_scale));
+        }
+        Loaded { description: self.description, settings, warnings: self.warnings.into_lines() }
+    }
+
+    /// Adds a material; returns its index.
+    pub(super) fn add_material(&mut self, material: Material, place: Place<'_>) -> Result<u32, LoadError> {
+        let count = self.description.materials.len();
+        if count >= limits::MATERIALS {
+            return Err(place.too_large(format!("more than {} materials", limits::MATERIALS), "use fewer"));
+        }
+        self.description.materials.push(material);
+        Ok(as_u32(count))
+    }
+
+    /// The grey of surfaces without a material.
+    pub(super) fn default_material(&mut self, place: Place<'_>) -> Result<u32, LoadError> {
+        if let Some(index) = self.default_material {
+            return Ok(index);
+        }
+        let index = self.add_material(Material { name: "default".to_owned(), ..Material::default() }, place)?;
+        self.default_material = Some(index);
+        Ok(index)
+    }
+
+    /// Adds a mesh whose materials point into the description.
+    pub(super) fn add_mesh(&mut self, mesh: Mesh, place: Place<'_>) -> Result<(), LoadError> {
+        self.triangles += mesh.triangles.len();
+        if self.triangles > limits::TRIANGLES {
+            return Err(place.too_large(format!("more than {} triangles", limits::TRIANGLES), "use coarser meshes"));
+        }
+        self.description.meshes.push(mesh);
+        Ok(())
+    }
+
+    /// Reads a texture once for each use; returns its index.
+    pub(super) fn texture(&mut self, path: &Path, usage: Use, place: Place<'_>) -> Result<u32, LoadError> {
+        let key = (self.files.identity(path), usage);
+        if let Some(&index) = self.textures.get(&key) {
+            return Ok(index);
+        }
+        let picture = picture::read(self.files, path, place, &mut self.warnings)?;
+        let texture = match (picture.pixels, usage) {
+            // A picture with transparent parts is a mask by its transparency.
+            (Pixels::Coded(_, Some(alpha)), Use::Mask) if alpha.iter().any(|&alpha| alpha < 255) => {
+                Texture::from_srgb8(picture.width, picture.height, alpha.into_iter().map(|alpha| [alpha; 3]).collect())
+            }
+            (Pixels::Coded(codes, _), _) => Texture::from_srgb8(picture.width, picture.height, codes),
+            (Pixels::Linear(mut pixels), _) => {
+                let bright = pixels.iter().filter(|pixel| pixel.max_element() > 1.0).count();
+                self.warnings.add_times(format!("{}: texture values above 1 taken as 1", Place::file(path)), bright);
+                pixels.iter_mut().for_each(|pixel| *pixel = pixel.min(Vec3::ONE));
+                Texture::from_linear(picture.width, picture.height, pixels)
+            }
+        };
+        let index = as_u32(self.description.textures.len());
+        self.description.textures.push(texture);
+        self.textures.insert(key, index);
+        Ok(index)
+    }
+
+    /// Reads the surroundings.
+    pub(super) fn environment(&mut self, path: &Path, place: Place<'_>) -> Result<Environment, LoadError> {
+        let picture = picture::read(self.files, path, place, &mut self.warnings)?;
+        match picture.pixels {
+            Pixels::Linear(pixels) => Ok(Environment::from_pixels(picture.width, picture.height, pixels)),
+            Pixels::Coded(..) => Err(Place::file(path).unsupported("an 8-bit picture as surroundings", "give an EXR or HDR picture")),
+        }
+    }
+
+    /// Reads an OBJ with the materials that its faces use; returns it with materials that point into the description.
+    pub(super) fn obj(&mut self, path: &Path, place: Place<'_>) -> Result<Mesh, LoadError> {
+        let key = self.files.identity(path);
+        if let Some(mesh) = self.objs.get(&key) {
+            return Ok(mesh.clone());
+        }
+        let Obj { mut mesh, names, libraries } = obj::read(self.files, path, place, &mut self.warnings)?;
+        let library = self.libraries(path, &libraries)?;
+        let mut indices: BTreeMap<u32, u32> = mesh.materials.iter().map(|&name| (name, 0)).collect();
+        for (&name, index) in &mut indices {
+            *index = self.named_material(&names[name as usize], &library, path)?;
+        }
+        for material in &mut mesh.materials {
+            *material = indices[material];
+        }
+        self.objs.insert(key, mesh.clone());
+        Ok(mesh)
+    }
+
+    /// The material that `usemtl name` in the OBJ `path` means.
+    fn named_material(&mut self, name: &str, library: &Library, path: &Path) -> Result<u32, LoadError> {
+        let file = Place::file(path);
+        let Some((mtl_path, mtl)) = library.get(name) else {
+            if !name.is_empty() {
+                self.warnings.add(format!("{file}: material {} is in no library, grey is taken", quoted(name)));
+            }
+            return self.default_material(file);
+        };
+        let mut material = mtl_meaning::translate(mtl, mtl_path, &mut self.warnings)?;
+        if let Some(map) = &mtl.diffuse_map {
+            let texture = self.files.resolve(mtl_path, &map.value);
+            material.diffuse_texture = Some(self.texture(&texture, Use::Color, Place::line(mtl_path, map.line))?);
+        }
+        let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
+        if let Some(map) = mtl.dissolve_map.as_ref().filter(|_| !transmits) {
+            let texture = self.files.resolve(mtl_path, &map.value);
+            material.opacity_texture = Some(self.texture(&texture, Use::Mask, Place::line(mtl_path, map.line))?);
+        }
+        self.add_material(material, file)
+    }
+
+    /// Reads the libraries of the OBJ `path`, each once; of two materials of one name the last wins.
+    fn libraries(&mut self, path: &Path, arguments: &[(String, usize)]) -> Result<Library, LoadError> {
+        let mut library = Library::new();
+        let mut seen = HashSet::new();
+        for (argument, line) in arguments {
+            let place = Place::line(path, *line);
+            for name in self.library_names(path, argument) {
+                let file = self.files.resolve(path, &name);
+                if seen.len() > limits::INCLUDES {
+                    return Err(place.too_large(format!("more than {} material libraries", limits::INCLUDES), "join them"));
+                }
+                if !seen.insert(self.files.identity(&file)) {
+                    continue;
+                }
+                if !self.files.exists(&file) {
+                    self.warnings.add(format!("{place}: material library {} not found", quoted(&name)));
+                    continue;
+                }
+                for material in mtl::read(self.files, &file, place, &mut self.warnings)? {
+                    if library.contains_key(&material.name) {
+                        let what = format!("{}: material defined twice, the last is taken: {}", Place::file(&file), quoted(&material.name));
+                        self.warnings.add(what);
+                    }
+                    library.insert(material.name.clone(), (file.clone(), material));
+                }
+            }
+        }
+        Ok(library)
+    }
+
+    /// File names in an argument of `mtllib`: all of it where there is such a file, else its words; `\ ` is a blank in a word.
+    fn library_names(&self, path: &Path, argument: &str) -> Vec<String> {
+        if self.files.exists(&self.files.resolve(path, argument)) {
+            return vec![argument.to_owned()];
+        }
+        const BLANK: &str = "\u{1}";
+        let marked = argument.replace("\\ ", BLANK);
+        marked.split_ascii_whitespace().map(|word| word.replace(BLANK, " ")).collect()
+    }
+}
+
+/// An index within the limits as the description holds it.
+pub(super) fn as_u32(index: usize) -> u32 {
+    u32::try_from(index).expect("counts are limited to less than 2^32")
+}

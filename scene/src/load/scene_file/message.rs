@@ -1,0 +1,79 @@
+//! Errors of the TOML reader in our words: one line that names the place, the field and the nearest known one.
+
+use crate::load::error::{LoadError, Place, nearest, quoted};
+
+/// Translates an error about `text`, which is the file at `place`.
+pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -> LoadError {
+    let start = error.span().map_or(0, |span| span.start.min(text.len()));
+    let place = Place::line(place.file, line_at(text, start));
+    let message = error.message().replace('\n', ", ");
+    let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
+    if message.contains("recurs") {
+        return place.too_large("nested too deep", "nest tables, lists and unions less than 80 deep, put unions side by side");
+    }
+    if let Some((name, known)) = unknown(&message) {
+        let advice = match nearest(name, known.iter().copied()) {
+            Some(close) => format!("write '{close}'"),
+            None => format!("known here are {}", known.join(", ")),
+        };
+        return place.invalid(format!("unknown field {}", quoted(name)), advice);
+    }
+    if message.contains("duplicate key") {
+        return place.invalid(format!("duplicate key {}", quoted(named)), "keep one");
+    }
+    // Our own types say what to do; the library does not.
+    let (what, advice) = message.split_once("; ").unwrap_or((&message, "see docs/scene-format.md for what is allowed"));
+    match field_at(text, start) {
+        Some(field) => place.invalid(format!("{field}: {what}"), advice),
+        None => place.invalid(what, advice),
+    }
+}
+
+/// The number of the line, from 1, that holds the byte `start`.
+pub(super) fn line_at(text: &str, start: usize) -> usize {
+    text.as_bytes()[..start.min(text.len())].iter().filter(|&&byte| byte == b'\n').count() + 1
+}
+
+/// The unknown name and the known ones, from serde's messages for structs and enums and toml's for variants.
+fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
+    if let Some(rest) = message.strip_prefix("unexpected keys in table: ") {
+        let (found, known) = rest.split_once(", available keys: ")?;
+        return Some((found.split(", ").next()?, known.split(", ").collect()));
+    }
+    let rest = message.strip_prefix("unknown field `").or_else(|| message.strip_prefix("unknown variant `"))?;
+    // Names are between backticks: the first, then every other piece.
+    let mut pieces = rest.split('`');
+    let name = pieces.next()?;
+    Some((name, pieces.skip(1).step_by(2).collect()))
+}
+
+/// The key before the value at `start`, on the same line.
+fn field_at(text: &str, start: usize) -> Option<&str> {
+    let line = &text.get(..start)?[text[..start].rfind('\n').map_or(0, |end| end + 1)..];
+    let (before, _) = line.rsplit_once('=')?;
+    let key = before.trim_end().rsplit(|c: char| !(c.is_alphanumeric() || c == '_' || c == '-')).next()?;
+    (!key.is_empty()).then_some(key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_in_messages() {
+        let known = vec!["eye", "at", "fov"];
+        assert_eq!(unknown("unknown field `fovv`, expected one of `eye`, `at`, `fov`"), Some(("fovv", known.clone())), "struct");
+        assert_eq!(unknown("unexpected keys in table: fovv, x, available keys: eye, at, fov"), Some(("fovv", known)), "variant");
+        assert_eq!(unknown("unknown field `b`, expected `a`"), Some(("b", vec!["a"])), "one field");
+        assert_eq!(unknown("missing field `a`"), None, "another message");
+    }
+
+    #[test]
+    fn fields_are_found_before_their_values() {
+        let text = "[camera]\neye = [1, 2]\nq = { sphere = { radius = -1 } }";
+        assert_eq!(field_at(text, text.find("[1").unwrap()), Some("eye"), "a list");
+        assert_eq!(field_at(text, text.find("-1").unwrap()), Some("radius"), "in a table");
+        assert_eq!(field_at(text, 0), None, "a table");
+        assert_eq!(line_at(text, text.find("-1").unwrap()), 3, "third line");
+    }
+}

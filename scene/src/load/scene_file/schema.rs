@@ -1,0 +1,165 @@
+//! The tables of a scene file as serde reads them; docs/scene-format.md describes each field.
+//!
+//! Neither `flatten` nor untagged enums: with either an error names the wrong line (toml-rs/toml#589, #593).
+
+use freeform::Psi;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::values::{
+    Alpha, Amount, Angles, Coefficients, Direction, Exposure, Factor, FieldOfView, FilmSize, Fraction, Index, Length, Point, Quality, Radii, Real,
+    Scale, Share, Uv,
+};
+
+/// A whole file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SceneFile {
+    pub(super) version: Option<Spanned<u32>>,
+    pub(super) include: Vec<Spanned<String>>,
+    pub(super) film: Option<FilmTable>,
+    pub(super) render: Option<RenderTable>,
+    pub(super) camera: Option<Spanned<CameraTable>>,
+    pub(super) environment: Option<Spanned<EnvironmentTable>>,
+    pub(super) material: Vec<MaterialTable>,
+    pub(super) mesh: Vec<Spanned<MeshTable>>,
+    pub(super) form: Vec<Spanned<FormTable>>,
+    pub(super) light: Vec<LightTable>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct FilmTable {
+    pub(super) size: Option<FilmSize>,
+    pub(super) exposure: Option<Exposure>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RenderTable {
+    pub(super) quality: Option<Quality>,
+    pub(super) spp: Option<std::num::NonZeroU32>,
+    pub(super) seed: Option<u64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraTable {
+    pub(super) eye: Point,
+    pub(super) at: Point,
+    pub(super) up: Option<Direction>,
+    pub(super) fov: Option<FieldOfView>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct EnvironmentTable {
+    pub(super) file: Option<Spanned<String>>,
+    pub(super) scale: Option<Factor>,
+    pub(super) radiance: Option<Amount>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialTable {
+    pub(super) name: Spanned<String>,
+    pub(super) diffuse: Option<Share>,
+    pub(super) diffuse_texture: Option<Spanned<String>>,
+    pub(super) gloss: Option<GlossTable>,
+    pub(super) mirror: Option<MirrorTable>,
+    pub(super) glass: Option<GlassTable>,
+    pub(super) emission: Option<Amount>,
+    pub(super) opacity: Option<Fraction>,
+    pub(super) opacity_texture: Option<Spanned<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GlossTable {
+    pub(super) alpha: Alpha,
+    pub(super) reflectance: Share,
+    #[serde(default)]
+    pub(super) schlick: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MirrorTable {
+    pub(super) reflectance: Share,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GlassTable {
+    pub(super) ior: Index,
+    pub(super) tint: Option<Share>,
+    pub(super) absorption: Option<Amount>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct MeshTable {
+    pub(super) name: String,
+    pub(super) material: Option<Spanned<String>>,
+    pub(super) file: Option<Spanned<String>>,
+    pub(super) positions: Vec<Point>,
+    pub(super) normals: Vec<Direction>,
+    pub(super) uvs: Vec<Uv>,
+    pub(super) faces: Vec<Spanned<Vec<u32>>>,
+    pub(super) scale: Option<Scale>,
+    pub(super) rotate: Option<Angles>,
+    pub(super) translate: Option<Point>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct FormTable {
+    pub(super) name: String,
+    pub(super) material: Option<Spanned<String>>,
+    pub(super) origin: Option<Point>,
+    pub(super) quadric: Option<Spanned<QuadricTable>>,
+    pub(super) perturbations: Vec<Spanned<PerturbationTable>>,
+    pub(super) union: Option<Vec<Spanned<PartTable>>>,
+    pub(super) psi: Option<Psi>,
+    pub(super) scale: Option<Scale>,
+    pub(super) rotate: Option<Angles>,
+    pub(super) translate: Option<Point>,
+}
+
+/// A part of a union: a form without a material of its own.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct PartTable {
+    pub(super) origin: Option<Point>,
+    pub(super) quadric: Option<Spanned<QuadricTable>>,
+    pub(super) perturbations: Vec<Spanned<PerturbationTable>>,
+    pub(super) union: Option<Vec<Spanned<Self>>>,
+    pub(super) psi: Option<Psi>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PerturbationTable {
+    pub(super) quadric: Spanned<QuadricTable>,
+    pub(super) factor: Real,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum QuadricTable {
+    Coefficients(Coefficients),
+    Ellipsoid { center: Point, radii: Radii },
+    Sphere { center: Point, radius: Length },
+    Cylinder { point: Point, axis: Direction, radius: Length },
+    Cone { apex: Point, axis: Direction, slope: Length },
+    Paraboloid { vertex: Point, axis: Direction, focal_length: Length },
+    HalfSpace { point: Point, normal: Direction },
+    Slab { point: Point, normal: Direction, half_thickness: Length },
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum LightTable {
+    Point { position: Point, intensity: Amount },
+    Directional { direction: Direction, irradiance: Amount },
+}

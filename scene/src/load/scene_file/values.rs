@@ -1,0 +1,159 @@
+//! Numbers of a scene file, each type with its domain: what is out of it is refused where it stands.
+//!
+//! The texts read `what; do this`, as [`super::message`] expects.
+
+use std::fmt;
+
+use glam::{DVec3, UVec2, Vec2, Vec3};
+use serde::Deserialize;
+use serde::de::{Deserializer, SeqAccess, Visitor};
+
+use crate::load::limits;
+
+/// One number, or several in brackets.
+struct Numbers(Vec<f64>);
+
+impl<'de> Deserialize<'de> for Numbers {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Reader;
+        impl<'de> Visitor<'de> for Reader {
+            type Value = Numbers;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number or a list of numbers")
+            }
+
+            fn visit_i64<E>(self, number: i64) -> Result<Numbers, E> {
+                Ok(Numbers(vec![number as f64]))
+            }
+
+            fn visit_f64<E>(self, number: f64) -> Result<Numbers, E> {
+                Ok(Numbers(vec![number]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Numbers, A::Error> {
+                let mut numbers = Vec::new();
+                while let Some(number) = list.next_element()? {
+                    numbers.push(number);
+                }
+                Ok(Numbers(numbers))
+            }
+        }
+        deserializer.deserialize_any(Reader)
+    }
+}
+
+impl Numbers {
+    /// `N` numbers, all in `[least, most]`.
+    fn array<const N: usize>(self, least: f64, most: f64) -> Result<[f64; N], String> {
+        let count = self.0.len();
+        let array: [f64; N] = self.0.try_into().map_err(|_| format!("{count} numbers where {N} are needed; give {N}"))?;
+        match array.iter().position(|x| !(least..=most).contains(x)) {
+            None => Ok(array),
+            Some(i) => {
+                let which = if N == 1 { String::new() } else { format!(" at index {i}") };
+                Err(format!("{}{which} is out of range; {}", array[i], range(least, most)))
+            }
+        }
+    }
+
+    /// Three numbers, or one for all three.
+    fn triple(self, least: f64, most: f64) -> Result<DVec3, String> {
+        if self.0.len() == 1 {
+            return self.array::<1>(least, most).map(|[grey]| DVec3::splat(grey));
+        }
+        self.array::<3>(least, most).map(DVec3::from_array)
+    }
+}
+
+fn range(least: f64, most: f64) -> String {
+    const HUGE: f64 = f32::MAX as f64;
+    match (least, most) {
+        _ if least == -HUGE && most == HUGE => "give a finite number".to_owned(),
+        (_, HUGE) => format!("give a finite number of at least {least:?}"),
+        _ => format!("give numbers from {least:?} to {most:?}"),
+    }
+}
+
+/// Declares a type that is read from [`Numbers`] by a function.
+macro_rules! numbers {
+    ($($(#[$doc:meta])* $name:ident($inner:ty) = $read:expr;)*) => {$(
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+        #[serde(try_from = "Numbers")]
+        pub(super) struct $name(pub(super) $inner);
+
+        impl TryFrom<Numbers> for $name {
+            type Error = String;
+
+            fn try_from(numbers: Numbers) -> Result<Self, String> {
+                let read: fn(Numbers) -> Result<$inner, String> = $read;
+                read(numbers).map(Self)
+            }
+        }
+    )*};
+}
+
+/// Largest number of single precision.
+const MOST: f64 = f32::MAX as f64;
+
+numbers! {
+    /// A point or a vector, metres.
+    Point(DVec3) = |n| n.array::<3>(-limits::COORDINATE, limits::COORDINATE).map(DVec3::from_array);
+    /// A direction of any length but zero.
+    Direction(DVec3) = |n| {
+        let direction = n.array::<3>(-limits::COORDINATE, limits::COORDINATE).map(DVec3::from_array)?;
+        direction.try_normalize().ok_or_else(|| "a direction of length zero; give one that points somewhere".to_owned())
+    };
+    /// Texture coordinates.
+    Uv(Vec2) = |n| n.array::<2>(-limits::COORDINATE, limits::COORDINATE).map(|[u, v]| Vec2::new(u as f32, v as f32));
+    /// Three radii.
+    Radii(DVec3) = |n| n.triple(1e-9, limits::COORDINATE);
+    /// A factor for each axis; negative ones mirror.
+    Scale(DVec3) = |n| {
+        let scale = n.triple(-1e6, 1e6)?;
+        if scale.abs().min_element() < 1e-6 { Err("the scale is zero or nearly; give factors from 1e-6 to 1e6".to_owned()) } else { Ok(scale) }
+    };
+    /// Angles about x, y and z, degrees.
+    Angles(DVec3) = |n| n.array::<3>(-3600.0, 3600.0).map(DVec3::from_array);
+    /// Shares of light, linear RGB.
+    Share(Vec3) = |n| n.triple(0.0, 1.0).map(|v| v.as_vec3());
+    /// Light, linear RGB, or an absorption coefficient.
+    Amount(Vec3) = |n| n.triple(0.0, MOST).map(|v| v.as_vec3());
+    /// A share that has no colour.
+    Fraction(f32) = |n| n.array::<1>(0.0, 1.0).map(|[x]| x as f32);
+    /// A microfacet width.
+    Alpha(f32) = |n| n.array::<1>(1e-3, 1.0).map(|[x]| x as f32);
+    /// A refractive index.
+    Index(f32) = |n| n.array::<1>(0.1, 10.0).map(|[x]| x as f32);
+    /// An angle of view, degrees.
+    FieldOfView(f32) = |n| n.array::<1>(0.01, 179.0).map(|[x]| x as f32);
+    /// A factor for light.
+    Factor(f32) = |n| n.array::<1>(0.0, 1e30).map(|[x]| x as f32);
+    /// An exposure, in stops.
+    Exposure(f32) = |n| n.array::<1>(-100.0, 100.0).map(|[x]| x as f32);
+    /// A quality.
+    Quality(f32) = |n| n.array::<1>(1e-3, 1e3).map(|[x]| x as f32);
+    /// Any finite number.
+    Real(f64) = |n| n.array::<1>(-MOST, MOST).map(|[x]| x);
+    /// A length, metres.
+    Length(f64) = |n| n.array::<1>(1e-9, limits::COORDINATE).map(|[x]| x);
+    /// The ten coefficients of a quadric.
+    Coefficients([f64; 10]) = |n| n.array::<10>(-MOST, MOST);
+    /// The size of a film, pixels.
+    FilmSize(UVec2) = film_size;
+}
+
+fn film_size(numbers: Numbers) -> Result<UVec2, String> {
+    let sides = numbers.array::<2>(1.0, f64::from(limits::FILM_SIDE))?;
+    let Some(side) = sides.iter().find(|side| side.fract() != 0.0) else {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers up to FILM_SIDE")]
+        let size = UVec2::from_array(sides.map(|side| side as u32));
+        let pixels = u64::from(size.x) * u64::from(size.y);
+        return match pixels <= limits::PIXELS {
+            true => Ok(size),
+            false => Err(format!("{pixels} pixels, more than the limit of {}; make the film smaller", limits::PIXELS)),
+        };
+    };
+    Err(format!("{side} is not a whole number; give pixels"))
+}

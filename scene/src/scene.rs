@@ -1,0 +1,378 @@
+//! A scene that rays can ask.
+
+use freeform::Solid;
+use glam::{Vec2, Vec3, Vec3A};
+
+use crate::bvh::{Bvh, Primitive};
+use crate::check;
+use crate::form::Form;
+use crate::light::TriangleLight;
+use crate::triangles::Triangles;
+use crate::{
+    Aabb, Bsdf, BuildError, Camera, Description, Hit, Lights, Material, Ray, Specular, SpecularKind, Surface, Texture,
+};
+
+/// A scene, checked and ready: geometry in a tree, materials, lights and camera. It never changes, so threads share it freely.
+#[derive(Debug)]
+pub struct Scene {
+    triangles: Triangles,
+    forms: Vec<Form>,
+    /// Forms without finite bounds, which stand beside the tree.
+    unbounded: Vec<u32>,
+    bvh: Bvh,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    lights: Lights,
+    camera: Camera,
+    bounds: Aabb,
+    features: Features,
+}
+
+/// What a scene has, so that what it lacks costs nothing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Features {
+    /// Mirrors or glass.
+    pub delta: bool,
+    /// Rough specular surfaces.
+    pub glossy: bool,
+    /// Diffuse surfaces.
+    pub diffuse: bool,
+    /// Glass, through which light passes.
+    pub transmissive: bool,
+    /// Glass that absorbs.
+    pub absorbing: bool,
+    /// Surfaces with holes (`opacity` below 1 or masked).
+    pub cut_outs: bool,
+    /// Surfaces that shine but are not among the lights that are sampled: free forms, and triangles with masks.
+    pub emissive_unsampled: bool,
+    /// Triangles that shine and are sampled.
+    pub area_lights: bool,
+    /// Point or directional lights.
+    pub punctual_lights: bool,
+    /// Surroundings that shine.
+    pub environment: bool,
+    /// Triangles with interpolated normals.
+    pub shading_normals: bool,
+    /// Free forms.
+    pub forms: bool,
+}
+
+impl Scene {
+    /// Checks a description and builds the scene.
+    ///
+    /// Triangles of zero area stay in the numbering of primitives but are never hit. Without a camera the whole scene is framed.
+    ///
+    /// # Errors
+    /// If a number is not finite or out of its range, an index does not exist, or there is more than can be numbered; the
+    /// message names the mesh or material and the index.
+    pub fn new(description: Description) -> Result<Self, BuildError> {
+        check::check(&description)?;
+        let Description { meshes, forms, materials, textures, lights, environment, camera } = description;
+        let triangles = Triangles::new(meshes);
+        let forms: Vec<Form> = forms
+            .into_iter()
+            .map(|form| Form::new(form.solid, form.material, materials[form.material as usize].is_cut_out()))
+            .collect();
+        let primitives = primitives(&triangles, &forms, &materials);
+        let bvh = Bvh::new(&primitives);
+        let unbounded = (0u32..).zip(&forms).filter(|(_, form)| form.bounds.is_none()).map(|(i, _)| i).collect();
+        let bounds = primitives.iter().fold(Aabb::EMPTY, |all, primitive| all.union(primitive.bounds()));
+        drop(primitives);
+        let lights = Lights::new(triangle_lights(&triangles, &materials), lights, environment, bounds);
+        let features = features(&triangles, &forms, &materials, &lights);
+        let camera = camera.unwrap_or_else(|| Camera::framing(bounds));
+        Ok(Self { triangles, forms, unbounded, bvh, materials, textures, lights, camera, bounds, features })
+    }
+
+    /// Returns the nearest hit in the ray's range.
+    ///
+    /// Where a surface is there in part only (`opacity`, masks), a hash of the ray and the primitive decides, so that the same ray
+    /// always gives the same answer.
+    #[inline]
+    #[must_use]
+    pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let mut nearest =
+            self.bvh.closest(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit));
+        if !self.unbounded.is_empty() && ray.is_valid() {
+            let mut range = *ray;
+            for &form in &self.unbounded {
+                range.t_max = nearest.map_or(ray.t_max, |hit| hit.t);
+                let primitive = self.form_primitive(form);
+                if let Some(t) = self.meet_form(primitive, &range, ray) {
+                    nearest = Some(Hit { t, primitive, barycentrics: Vec2::ZERO });
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Whether anything stands in the ray's range; glass does, holes do not.
+    #[inline]
+    #[must_use]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.bvh.any(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit))
+            || (!self.unbounded.is_empty()
+                && ray.is_valid()
+                && self.unbounded.iter().any(|&form| self.meet_form(self.form_primitive(form), ray, ray).is_some()))
+    }
+
+    /// Returns the point that a ray met.
+    ///
+    /// Both normals are turned to the side that the ray came from. An interpolated normal that would still point away from the
+    /// viewer is tilted until it just does not, so that the cosine with the viewer is always positive. Directions that a [`Bsdf`] gives are
+    /// above the shading normal's horizon and may yet be below the geometric one: [`Surface::spawn`] then starts inside the body, and the ray ends in
+    /// the dark. [`Surface::is_above`] tells so before.
+    #[inline]
+    #[must_use]
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        let index = hit.primitive as usize;
+        let wo = -ray.direction;
+        if index < self.triangles.len() {
+            let point = self.triangles.point(index, hit.barycentrics);
+            let front = point.ng.dot(wo) >= 0.0;
+            let (ng, n) = if front { (point.ng, point.n) } else { (-point.ng, -point.n) };
+            Surface {
+                p: point.p,
+                ng,
+                n: Surface::face(n, ng, wo),
+                front,
+                uv: self.triangles.uv(index, hit.barycentrics),
+                t: hit.t,
+                material: self.triangles.material(index),
+                primitive: hit.primitive,
+                p_error: point.p_error,
+            }
+        } else {
+            let form = &self.forms[index - self.triangles.len()];
+            let point = form.point(ray, hit.t);
+            let front = point.n.dot(wo) >= 0.0;
+            let n = if front { point.n } else { -point.n };
+            Surface {
+                p: point.p,
+                ng: n,
+                n: Surface::face(n, n, wo),
+                front,
+                uv: point.uv,
+                t: hit.t,
+                material: form.material,
+                primitive: hit.primitive,
+                p_error: point.p_error,
+            }
+        }
+    }
+
+    /// Returns how a surface reflects, in the local frame of its shading normal `surface.n`; textures are looked up.
+    #[inline]
+    #[must_use]
+    pub fn bsdf(&self, surface: &Surface) -> Bsdf {
+        let material = &self.materials[surface.material as usize];
+        let diffuse = match material.diffuse_texture {
+            Some(texture) => material.diffuse * self.textures[texture as usize].color(surface.uv),
+            None => material.diffuse,
+        };
+        match material.specular {
+            SpecularKind::None => Bsdf { diffuse, specular: Specular::None },
+            SpecularKind::Ggx { alpha, reflectance, schlick } => Bsdf {
+                diffuse: diffuse * (Vec3::ONE - reflectance),
+                specular: Specular::Ggx { alpha, reflectance, schlick },
+            },
+            SpecularKind::Mirror { reflectance } => {
+                Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular: Specular::Mirror { reflectance } }
+            }
+            SpecularKind::Dielectric { ior, tint, .. } => {
+                let eta = if surface.front { ior } else { 1.0 / ior };
+                Bsdf { diffuse: Vec3::ZERO, specular: Specular::Dielectric { eta, tint } }
+            }
+        }
+    }
+
+    /// Returns the radiance that a surface gives off to the side the ray came from, W m^-2 sr^-1: fronts alone shine.
+    #[inline]
+    #[must_use]
+    pub fn emission(&self, surface: &Surface) -> Vec3 {
+        if surface.front { self.materials[surface.material as usize].emission } else { Vec3::ZERO }
+    }
+
+    /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray met
+    /// an absorbing dielectric from within.
+    #[inline]
+    #[must_use]
+    pub fn transmittance(&self, surface: &Surface) -> Vec3 {
+        match self.materials[surface.material as usize].specular {
+            SpecularKind::Dielectric { absorption, .. } if !surface.front && absorption != Vec3::ZERO => {
+                (-absorption * surface.t).exp()
+            }
+            _ => Vec3::ONE,
+        }
+    }
+
+    /// Returns the radiance that arrives from the unit vector `direction` where nothing stands, W m^-2 sr^-1.
+    #[inline]
+    #[must_use]
+    pub fn background(&self, direction: Vec3A) -> Vec3 {
+        self.lights.background(direction)
+    }
+
+    /// Returns the lights.
+    #[must_use]
+    pub fn lights(&self) -> &Lights {
+        &self.lights
+    }
+
+    /// Returns the camera.
+    #[must_use]
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Returns the box around all triangles and bounded free forms, metres.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// Returns what the scene has.
+    #[must_use]
+    pub fn features(&self) -> Features {
+        self.features
+    }
+
+    /// Returns the number of triangles.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Returns the number of free forms.
+    #[must_use]
+    pub fn form_count(&self) -> usize {
+        self.forms.len()
+    }
+
+    /// Returns the free form of a primitive, `None` for a triangle.
+    #[must_use]
+    pub fn form(&self, primitive: u32) -> Option<&Solid> {
+        let index = (primitive as usize).checked_sub(self.triangles.len())?;
+        self.forms.get(index).map(|form| &form.solid)
+    }
+
+    /// Returns the materials.
+    #[must_use]
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// Returns the memory held by geometry, tree, textures and lights, bytes; what free forms hold inside is left out.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.triangles.memory_bytes()
+            + self.forms.capacity() * size_of::<Form>()
+            + self.bvh.memory_bytes()
+            + self.materials.capacity() * size_of::<Material>()
+            + self.textures.iter().map(Texture::memory_bytes).sum::<usize>()
+            + self.lights.memory_bytes()
+    }
+
+    fn form_primitive(&self, form: u32) -> u32 {
+        u32::try_from(self.triangles.len()).unwrap_or(u32::MAX) + form
+    }
+
+    /// Returns where a ray of shortened range meets a free form; `whole` is the ray before, whose bits decide about holes.
+    #[inline]
+    fn meet_form(&self, primitive: u32, range: &Ray, whole: &Ray) -> Option<f32> {
+        let form = &self.forms[primitive as usize - self.triangles.len()];
+        form.first_hit(range, |t| self.is_there(whole, &Hit { t, primitive, barycentrics: Vec2::ZERO }))
+    }
+
+    /// Whether a surface that may have holes is there for this ray.
+    #[cold]
+    fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
+        let index = hit.primitive as usize;
+        let (material, uv) = match index.checked_sub(self.triangles.len()) {
+            None => (self.triangles.material(index), self.triangles.uv(index, hit.barycentrics)),
+            Some(form) => (self.forms[form].material, self.forms[form].point(ray, hit.t).uv),
+        };
+        let material = &self.materials[material as usize];
+        let mask = material.opacity_texture.map_or(1.0, |texture| self.textures[texture as usize].mask(uv));
+        ray_hash(ray, hit.primitive) < material.opacity * mask
+    }
+}
+
+impl Material {
+    /// Whether some rays pass; a dielectric lets them pass by itself.
+    fn is_cut_out(&self) -> bool {
+        self.opacity < 1.0 || self.opacity_texture.is_some()
+    }
+
+    fn is_emissive(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
+}
+
+/// Returns the geometry in the order of its numbering.
+fn primitives(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<Primitive> {
+    let triangle = |i: usize| {
+        if triangles.area_normal(i).length_squared() > 0.0 {
+            let cut_out = materials[triangles.material(i) as usize].is_cut_out();
+            Primitive::Triangle { corners: triangles.corners(i), cut_out }
+        } else {
+            Primitive::Nothing
+        }
+    };
+    let form = |form: &Form| form.bounds.map_or(Primitive::Nothing, Primitive::Form);
+    (0..triangles.len()).map(triangle).chain(forms.iter().map(form)).collect()
+}
+
+/// Returns the triangles that shine; those whose holes are drawn by a mask are left to chance.
+fn triangle_lights(triangles: &Triangles, materials: &[Material]) -> Vec<TriangleLight> {
+    let light = |(primitive, i): (u32, usize)| {
+        let material = &materials[triangles.material(i) as usize];
+        let sampled = material.is_emissive() && material.opacity_texture.is_none();
+        sampled
+            .then(|| TriangleLight::new(triangles.corners(i), material.emission * material.opacity, primitive))
+            .flatten()
+    };
+    (0u32..).zip(0..triangles.len()).filter_map(light).collect()
+}
+
+fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], lights: &Lights) -> Features {
+    let mut features = Features {
+        area_lights: lights.has_area(),
+        punctual_lights: lights.has_punctual(),
+        environment: lights.has_environment(),
+        shading_normals: triangles.has_shading_normals(),
+        forms: !forms.is_empty(),
+        ..Features::default()
+    };
+    let mut add = |material: &Material, is_form: bool| {
+        features.diffuse |=
+            material.diffuse != Vec3::ZERO && !matches!(material.specular, SpecularKind::Dielectric { .. });
+        features.glossy |= matches!(material.specular, SpecularKind::Ggx { .. });
+        features.delta |= matches!(material.specular, SpecularKind::Mirror { .. } | SpecularKind::Dielectric { .. });
+        if let SpecularKind::Dielectric { absorption, .. } = material.specular {
+            features.transmissive = true;
+            features.absorbing |= absorption != Vec3::ZERO;
+        }
+        features.cut_outs |= material.is_cut_out();
+        features.emissive_unsampled |= material.is_emissive() && (is_form || material.opacity_texture.is_some());
+    };
+    let mut used = vec![false; materials.len()];
+    (0..triangles.len()).for_each(|i| used[triangles.material(i) as usize] = true);
+    materials.iter().zip(used).filter(|(_, used)| *used).for_each(|(material, _)| add(material, false));
+    forms.iter().for_each(|form| add(&materials[form.material as usize], true));
+    features
+}
+
+/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction and on the primitive (the finaliser of SplitMix64).
+fn ray_hash(ray: &Ray, primitive: u32) -> f32 {
+    let [ox, oy, oz] = ray.origin.to_array().map(|x| u64::from(x.to_bits()));
+    let [dx, dy, dz] = ray.direction.to_array().map(|x| u64::from(x.to_bits()));
+    let mut hash = 0u64;
+    for word in [ox << 32 | oy, oz << 32 | dx, dy << 32 | dz, u64::from(primitive)] {
+        hash = (hash ^ word).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        hash ^= hash >> 31;
+    }
+    (hash >> 40) as f32 / (1u64 << 24) as f32
+}

@@ -1,0 +1,172 @@
+//! Pictures on surfaces.
+//!
+//! Coordinates repeat; v = 0 is the lowest row; texel centres are at (i + 1/2) / size. 8-bit colours are sRGB and become linear
+//! before the bilinear filter, so that a filtered colour is the mean of light and not of codes.
+
+use glam::{Vec2, Vec3};
+
+/// A picture for colours or masks.
+#[derive(Debug, Clone)]
+pub struct Texture {
+    width: u32,
+    height: u32,
+    texels: Texels,
+}
+
+#[derive(Debug, Clone)]
+enum Texels {
+    /// 8-bit codes and what each means as linear light.
+    Coded {
+        codes: Vec<[u8; 3]>,
+        linear: Box<[f32; 256]>,
+    },
+    Linear(Vec<Vec3>),
+}
+
+impl Texture {
+    /// Returns a texture of 8-bit sRGB colours, the first row on top.
+    ///
+    /// # Panics
+    /// If there are no texels or their number is not `width * height`.
+    #[must_use]
+    pub fn from_srgb8(width: u32, height: u32, codes: Vec<[u8; 3]>) -> Self {
+        check_size(width, height, codes.len());
+        let linear = Box::new(std::array::from_fn(|code| srgb_to_linear(code as f32 / 255.0)));
+        Self { width, height, texels: Texels::Coded { codes, linear } }
+    }
+
+    /// Returns a texture of linear values, the first row on top.
+    ///
+    /// # Panics
+    /// If there are no texels or their number is not `width * height`.
+    #[must_use]
+    pub fn from_linear(width: u32, height: u32, texels: Vec<Vec3>) -> Self {
+        check_size(width, height, texels.len());
+        Self { width, height, texels: Texels::Linear(texels) }
+    }
+
+    /// Returns width and height in texels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Returns the linear colour at `uv`.
+    #[inline]
+    #[must_use]
+    pub fn color(&self, uv: Vec2) -> Vec3 {
+        match &self.texels {
+            Texels::Coded { codes, linear } => {
+                self.filter(uv, |i| Vec3::from_array(codes[i].map(|code| linear[code as usize])))
+            }
+            Texels::Linear(texels) => self.filter(uv, |i| texels[i]),
+        }
+    }
+
+    /// Returns the mask at `uv`: the mean of the three channels as the file has them, 8-bit codes over 255.
+    #[inline]
+    #[must_use]
+    pub fn mask(&self, uv: Vec2) -> f32 {
+        let rgb = match &self.texels {
+            Texels::Coded { codes, .. } => {
+                self.filter(uv, |i| Vec3::from_array(codes[i].map(|code| f32::from(code) / 255.0)))
+            }
+            Texels::Linear(texels) => self.filter(uv, |i| texels[i]),
+        };
+        rgb.element_sum() / 3.0
+    }
+
+    /// Returns the memory held, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        match &self.texels {
+            Texels::Coded { codes, .. } => codes.capacity() * 3 + 1024,
+            Texels::Linear(texels) => texels.capacity() * size_of::<Vec3>(),
+        }
+    }
+
+    /// Returns the least and the greatest value of any channel of any texel, linear; NaN if any is.
+    pub(crate) fn range(&self) -> (f32, f32) {
+        match &self.texels {
+            Texels::Coded { .. } => (0.0, 1.0),
+            Texels::Linear(texels) => {
+                texels.iter().flat_map(|t| t.to_array()).fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| {
+                    if x.is_nan() || low.is_nan() { (f32::NAN, f32::NAN) } else { (low.min(x), high.max(x)) }
+                })
+            }
+        }
+    }
+
+    #[inline]
+    fn filter(&self, uv: Vec2, texel: impl Fn(usize) -> Vec3) -> Vec3 {
+        let (x0, x1, fx) = neighbours(uv.x, self.width);
+        let (y0, y1, fy) = neighbours(1.0 - uv.y, self.height);
+        let at = |x: u32, y: u32| texel(y as usize * self.width as usize + x as usize);
+        let top = at(x0, y0).lerp(at(x1, y0), fx);
+        let bottom = at(x0, y1).lerp(at(x1, y1), fx);
+        top.lerp(bottom, fy)
+    }
+}
+
+/// Returns the two texels around coordinate `u`, which repeats, and the weight of the second.
+#[inline]
+fn neighbours(u: f32, size: u32) -> (u32, u32, f32) {
+    // Infinite and NaN coordinates give NaN here, which the casts turn into 0.
+    let x = (u - u.floor()) * size as f32 - 0.5;
+    let floor = x.floor();
+    let fraction = x - floor;
+    let wrap = |i: i64| u32::try_from(i.rem_euclid(i64::from(size))).unwrap_or(0);
+    #[expect(clippy::cast_possible_truncation, reason = "a number between -1 and the picture's size")]
+    let first = floor as i64;
+    (wrap(first), wrap(first + 1), if fraction.is_finite() { fraction } else { 0.0 })
+}
+
+/// Returns the linear light of an sRGB value in [0, 1] (IEC 61966-2-1).
+fn srgb_to_linear(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+fn check_size(width: u32, height: u32, count: usize) {
+    assert!(count > 0, "a texture has texels");
+    assert!(count == width as usize * height as usize, "a texture of {width} x {height} has {count} texels");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two by two: black and white above, grey codes below.
+    fn checker() -> Texture {
+        Texture::from_srgb8(2, 2, vec![[0; 3], [255; 3], [188; 3], [255, 0, 0]])
+    }
+
+    #[test]
+    fn lowest_row_is_at_v_zero() {
+        let texture = checker();
+        assert!((texture.color(Vec2::new(0.25, 0.75)) - Vec3::ZERO).length() < 1e-6, "upper left");
+        assert!((texture.color(Vec2::new(0.75, 0.75)) - Vec3::ONE).length() < 1e-6, "upper right");
+        assert!((texture.color(Vec2::new(0.75, 0.25)) - Vec3::X).length() < 1e-6, "lower right");
+        // sRGB code 188 is 0.5028 linear (IEC 61966-2-1).
+        assert!((texture.color(Vec2::new(0.25, 0.25)).x - 0.50289).abs() < 1e-4, "lower left is made linear");
+        assert!((texture.mask(Vec2::new(0.25, 0.25)) - 188.0 / 255.0).abs() < 1e-6, "a mask is taken as it is");
+    }
+
+    #[test]
+    fn coordinates_repeat_and_filter_is_linear() {
+        let texture = checker();
+        for uv in [Vec2::new(0.3, 0.6), Vec2::new(0.01, 0.99)] {
+            for shift in [Vec2::new(1.0, 0.0), Vec2::new(-3.0, 2.0)] {
+                assert!((texture.color(uv) - texture.color(uv + shift)).length() < 1e-5, "{uv} moved by {shift}");
+            }
+        }
+        // Half way between black and white, light is halved: not the code.
+        assert!((texture.color(Vec2::new(0.5, 0.75)).x - 0.5).abs() < 1e-6, "filtered after it was made linear");
+    }
+
+    #[test]
+    fn odd_coordinates_give_finite_colours() {
+        for u in [f32::NAN, f32::INFINITY, -f32::INFINITY, 1e30, -1e-30, 1.0, 0.0] {
+            assert!(checker().color(Vec2::new(u, u)).is_finite(), "at {u}");
+        }
+    }
+}
