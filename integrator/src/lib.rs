@@ -3,10 +3,16 @@
 
 pub mod metrics;
 
+mod film;
+mod path;
+mod render;
 mod sampler;
 mod settings;
 mod statistics;
 
+pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
+pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
+pub use render::{Rendering, render};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, Settings, SettingsError};
 pub use statistics::{Phase, Progress, RayCounts, Statistics};

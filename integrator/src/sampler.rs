@@ -65,6 +65,14 @@ impl Sampler {
         self.used = 4;
     }
 
+    /// Starts numbers of their own for a path that branches off here.
+    #[must_use]
+    pub const fn split(&self) -> Self {
+        const BRANCH: u64 = 0x6272_616e_6368;
+        let key = hash_pair(hash_pair(self.bounce_key, BRANCH), self.block as u64);
+        Self { key, bounce_key: key, block: 0, used: 4, ..*self }
+    }
+
     /// Returns the next four numbers, stratified together, and gives up what is left of the block before.
     pub fn next_4d(&mut self) -> [f32; 4] {
         let seed = upper(hash_pair(self.bounce_key, u64::from(self.block)));

@@ -108,6 +108,9 @@ impl Settings {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SettingsError {
+    /// The method.
+    #[error("method {}: not built yet", .0.name())]
+    Method(Method),
     /// A side of the picture.
     #[error("size {width}x{height}: each side must lie between 1 and {MAX_SIDE} pixels")]
     Size {
