@@ -4,15 +4,25 @@
 pub mod metrics;
 
 mod film;
+mod four_terms;
+mod gather;
+mod lattice;
 mod path;
+mod plan;
 mod render;
 mod sampler;
+mod secondary;
 mod settings;
+mod sky;
 mod statistics;
+mod surface_points;
+mod terms;
 
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use render::{Rendering, render};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
+pub use secondary::{NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, Settings, SettingsError};
+pub use sky::SkySplit;
 pub use statistics::{Phase, Progress, RayCounts, Statistics};

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use scene::Scene;
 
-use crate::{Film, Method, Progress, Settings, SettingsError, Statistics, path};
+use crate::plan::Plan;
+use crate::{Film, Method, NoSecondary, Progress, Settings, SettingsError, Statistics, four_terms, path};
 
 /// A finished picture and what it took.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,7 +34,10 @@ pub fn render(
     let mut statistics = Statistics::default();
     let film = match settings.method {
         Method::Path => path::render(scene, settings, progress, &mut statistics),
-        Method::Reproject | Method::Gather => return Err(SettingsError::Method(settings.method)),
+        Method::Reproject | Method::Gather => {
+            let plan = Plan::new(scene, settings);
+            four_terms::render(scene, settings, &plan, &NoSecondary, &mut statistics, progress)
+        }
     };
     statistics.render_seconds = start.elapsed().as_secs_f64();
     Ok(Rendering { film, statistics })

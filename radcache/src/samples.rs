@@ -96,6 +96,16 @@ impl Samples {
         (sum / self.radiance.len() as f64).as_vec3()
     }
 
+    /// [`Self::mean_radiance`] in two parts: what comes from a distance, and what comes from infinity.
+    #[must_use]
+    pub fn mean_radiance_by_distance(&self) -> [Vec3; 2] {
+        let mut sum = [glam::DVec3::ZERO; 2];
+        for (radiance, distance) in self.radiance.iter().zip(&self.distance) {
+            sum[usize::from(distance.is_infinite())] += radiance.as_dvec3();
+        }
+        sum.map(|part| (part / self.radiance.len() as f64).as_vec3())
+    }
+
     /// Harmonic mean of the distances in metres, infinite if nothing is near; the directions are cosine-distributed.
     #[must_use]
     pub fn harmonic_distance(&self) -> f32 {

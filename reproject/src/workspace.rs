@@ -100,7 +100,8 @@ pub struct Workspace {
     pub(crate) directions: Vec<Vec3A>,
     pub(crate) traced: Vec<Traced>,
     texture: Vec<Vec3>,
-    filled_sum: Vec3,
+    /// Sums over elements by their shares: those at a distance, and those at infinity.
+    filled_sum: [Vec3; 2],
     filled_weight: f32,
 }
 
@@ -131,7 +132,7 @@ impl Workspace {
             directions: Vec::new(),
             traced: Vec::new(),
             texture: Vec::new(),
-            filled_sum: Vec3::ZERO,
+            filled_sum: [Vec3::ZERO; 2],
             filled_weight: 0.0,
         }
     }
@@ -188,15 +189,22 @@ impl Workspace {
     /// their texels, normalised to one.
     #[must_use]
     pub fn mean_radiance(&self) -> Vec3 {
+        let [near, far] = self.mean_radiance_by_distance();
+        near + far
+    }
+
+    /// [`Self::mean_radiance`] in two parts: what comes from a distance, and what comes from infinity.
+    #[must_use]
+    pub fn mean_radiance_by_distance(&self) -> [Vec3; 2] {
         let texels = (self.n * self.n) as f32;
         let mut sum = self.filled_sum;
         let mut weight = self.filled_weight;
         for (hole, traced) in self.holes.iter().zip(&self.traced) {
             let share = f32::from(hole.texels) / texels;
-            sum += share * traced.radiance;
+            sum[usize::from(traced.distance.is_infinite())] += share * traced.radiance;
             weight += share;
         }
-        if weight > 0.0 { sum / weight } else { Vec3::ZERO }
+        if weight > 0.0 { sum.map(|part| part / weight) } else { [Vec3::ZERO; 2] }
     }
 
     /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's ray.
@@ -221,9 +229,32 @@ impl Workspace {
     ///
     /// # Panics
     /// If there are not n x n weights.
-    pub fn weighted_sum(&mut self, record: &Record, weights: &[Vec3]) -> Vec3 {
+    #[must_use]
+    pub fn weighted_sum(&self, record: &Record, weights: &[Vec3]) -> Vec3 {
+        let [near, far] = self.weighted_sum_by_distance(record, weights);
+        near + far
+    }
+
+    /// [`Self::weighted_sum`] in two parts: what comes from a distance, and what comes from infinity.
+    ///
+    /// # Panics
+    /// If there are not n x n weights.
+    #[must_use]
+    pub fn weighted_sum_by_distance(&self, record: &Record, weights: &[Vec3]) -> [Vec3; 2] {
         assert_eq!(weights.len(), self.n * self.n, "a weight for each texel");
-        self.texture(record).iter().zip(weights).map(|(&l, &w)| l * w).sum()
+        let elements = record.elements();
+        let mut sum = [Vec3::ZERO; 2];
+        for (&owner, &weight) in self.owner.iter().zip(weights) {
+            if owner != NOBODY && weight != Vec3::ZERO {
+                let e = usize::from(owner);
+                sum[usize::from(elements.finite[e] == 0.0)] += radiance(elements, e) * weight;
+            }
+        }
+        for (hole, traced) in self.holes.iter().zip(&self.traced) {
+            let part = &mut sum[usize::from(traced.distance.is_infinite())];
+            hole.for_each_texel(self.n, &self.masks, |texel| *part += traced.radiance * weights[texel]);
+        }
+        sum
     }
 
     /// The frame of the point: that of the record, turned to the normal by the shortest rotation.
@@ -316,10 +347,10 @@ impl Workspace {
     }
 
     fn sum_elements(&mut self, elements: &Elements) {
-        let mut sum = Vec3::ZERO;
+        let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
         for (e, &weight) in self.weight.iter().enumerate() {
-            sum += weight * radiance(elements, e);
+            sum[usize::from(elements.finite[e] == 0.0)] += weight * radiance(elements, e);
             total += weight;
         }
         self.filled_sum = sum;

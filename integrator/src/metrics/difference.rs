@@ -27,9 +27,7 @@ pub fn signed_difference(image: &Image, reference: &Image) -> Result<Vec<[u8; 3]
     same_size(image, reference)?;
     let exposure = exposure(reference)?;
     let pixels = image.pixels().iter().zip(reference.pixels());
-    Ok(pixels
-        .map(|(i, r)| colour(i.as_dvec3() * exposure, r.as_dvec3() * exposure))
-        .collect())
+    Ok(pixels.map(|(i, r)| colour(i.as_dvec3() * exposure, r.as_dvec3() * exposure)).collect())
 }
 
 fn colour(i: DVec3, r: DVec3) -> [u8; 3] {
@@ -41,11 +39,7 @@ fn colour(i: DVec3, r: DVec3) -> [u8; 3] {
     let shown = (relative / DIFFERENCE_RANGE).clamp(-1.0, 1.0) as f32;
     let end = if shown > 0.0 { BRIGHTER } else { DARKER };
     let rgb = EQUAL.lerp(end, shown.abs()).round();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "between two colours of 8 bits"
-    )]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two colours of 8 bits")]
     let bytes = rgb.to_array().map(|value| value as u8);
     bytes
 }
@@ -60,30 +54,13 @@ mod tests {
     fn sign_strength_and_bad_pixels_have_their_colours() {
         // All but the last pixel of the reference are 0.8: the percentile too, so the exposure is 1.
         let reference = [Vec3::splat(0.8); 5];
-        let image = [
-            Vec3::splat(0.8),
-            Vec3::splat(1.25),
-            Vec3::splat(0.8 - 0.225),
-            Vec3::ZERO,
-            Vec3::NAN,
-        ];
+        let image = [Vec3::splat(0.8), Vec3::splat(1.25), Vec3::splat(0.8 - 0.225), Vec3::ZERO, Vec3::NAN];
         let size = UVec2::new(5, 1);
-        let shown = signed_difference(
-            &Image::new(size, &image).unwrap(),
-            &Image::new(size, &reference).unwrap(),
-        )
-        .unwrap();
+        let shown =
+            signed_difference(&Image::new(size, &image).unwrap(), &Image::new(size, &reference).unwrap()).unwrap();
         assert_eq!(shown[0], [247, 247, 247], "equal");
-        assert_eq!(
-            shown[1],
-            [178, 24, 43],
-            "brighter by 0.45 / 0.9, the full range"
-        );
-        assert_eq!(
-            shown[2],
-            [140, 175, 210],
-            "darker by half the range: the mean of white and blue"
-        );
+        assert_eq!(shown[1], [178, 24, 43], "brighter by 0.45 / 0.9, the full range");
+        assert_eq!(shown[2], [140, 175, 210], "darker by half the range: the mean of white and blue");
         assert_eq!(shown[3], [33, 102, 172], "beyond the range");
         assert_eq!(shown[4], NOT_FINITE, "not a number");
     }

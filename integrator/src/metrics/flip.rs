@@ -42,17 +42,9 @@ pub struct Flip {
 ///
 /// # Errors
 /// When the sizes differ, or `exposure` or `pixels_per_degree` is not positive and finite.
-pub fn ldr_flip(
-    image: &Image,
-    reference: &Image,
-    exposure: f32,
-    pixels_per_degree: f32,
-) -> Result<Flip, MetricsError> {
+pub fn ldr_flip(image: &Image, reference: &Image, exposure: f32, pixels_per_degree: f32) -> Result<Flip, MetricsError> {
     same_size(image, reference)?;
-    for (name, value) in [
-        ("the exposure", exposure),
-        ("the number of pixels per degree", pixels_per_degree),
-    ] {
+    for (name, value) in [("the exposure", exposure), ("the number of pixels per degree", pixels_per_degree)] {
         if !(value > 0.0 && value.is_finite()) {
             return Err(MetricsError::NotPositive(name));
         }
@@ -67,13 +59,8 @@ pub fn ldr_flip(
             if !(image.pixels()[k].is_finite() && reference.pixels()[k].is_finite()) {
                 return 1.0;
             }
-            let colour = remap(
-                colour_distance(a.lab[k], b.lab[k]).powf(COLOUR_EXPONENT),
-                widest,
-            );
-            let feature = (a.edges[k] - b.edges[k])
-                .abs()
-                .max((a.points[k] - b.points[k]).abs());
+            let colour = remap(colour_distance(a.lab[k], b.lab[k]).powf(COLOUR_EXPONENT), widest);
+            let feature = (a.edges[k] - b.edges[k]).abs().max((a.points[k] - b.points[k]).abs());
             let feature = (feature / std::f32::consts::SQRT_2).powf(FEATURE_EXPONENT);
             colour.powf(1.0 - feature)
         })
@@ -99,28 +86,16 @@ impl Seen {
             .pixels()
             .par_iter()
             .map(|&pixel| {
-                let shown = if pixel.is_finite() {
-                    pixel * exposure
-                } else {
-                    Vec3::ZERO
-                };
+                let shown = if pixel.is_finite() { pixel * exposure } else { Vec3::ZERO };
                 ycxcz(shown.clamp(Vec3::ZERO, Vec3::ONE))
             })
             .collect();
-        let plane = |channel: usize| -> Vec<f32> {
-            opponent.par_iter().map(|pixel| pixel[channel]).collect()
-        };
+        let plane = |channel: usize| -> Vec<f32> { opponent.par_iter().map(|pixel| pixel[channel]).collect() };
         let (y, cx, cz) = (plane(0), plane(1), plane(2));
 
         let blurred = |plane: &[f32], kernel: &[f32]| separable(plane, size, kernel, kernel);
-        let (blurred_y, blurred_cx) = (
-            blurred(&y, &filters.achromatic),
-            blurred(&cx, &filters.red_green),
-        );
-        let [narrow, wide] = filters
-            .blue_yellow
-            .each_ref()
-            .map(|(weight, kernel)| (*weight, blurred(&cz, kernel)));
+        let (blurred_y, blurred_cx) = (blurred(&y, &filters.achromatic), blurred(&cx, &filters.red_green));
+        let [narrow, wide] = filters.blue_yellow.each_ref().map(|(weight, kernel)| (*weight, blurred(&cz, kernel)));
         let lab = (0..y.len())
             .into_par_iter()
             .map(|k| {
@@ -135,17 +110,9 @@ impl Seen {
         let strength = |kernel: &[f32]| -> Vec<f32> {
             let along_x = separable(&luminance, size, kernel, &filters.detector);
             let along_y = separable(&luminance, size, &filters.detector, kernel);
-            along_x
-                .par_iter()
-                .zip(&along_y)
-                .map(|(x, y)| x.hypot(*y))
-                .collect()
+            along_x.par_iter().zip(&along_y).map(|(x, y)| x.hypot(*y)).collect()
         };
-        Self {
-            lab,
-            edges: strength(&filters.edge),
-            points: strength(&filters.point),
-        }
+        Self { lab, edges: strength(&filters.edge), points: strength(&filters.point) }
     }
 }
 
@@ -167,11 +134,8 @@ impl Filters {
         // Table 1 of the paper: a sum of a * sqrt(pi / b) * exp(-pi^2 x^2 / b), x in degrees.
         let (achromatic, red_green, narrow, wide) = (0.0047, 0.0053, (34.1, 0.04), (13.5, 0.025));
         let radius = reach(3.0 * (narrow.1 / (2.0 * PI * PI)).sqrt() * pixels_per_degree);
-        let kernel = |b: f32| -> (f32, Vec<f32>) {
-            normalised(radius, |x| {
-                (-(PI * x / pixels_per_degree).powi(2) / b).exp()
-            })
-        };
+        let kernel =
+            |b: f32| -> (f32, Vec<f32>) { normalised(radius, |x| (-(PI * x / pixels_per_degree).powi(2) / b).exp()) };
         // In two dimensions a kernel holds the square of its row's sum; the two are normalised together.
         let mixed = [narrow, wide].map(|(a, b): (f32, f32)| {
             let (sum, kernel) = kernel(b);
@@ -201,9 +165,7 @@ fn reach(radius: f32) -> i16 {
 }
 
 fn sampled(radius: i16, f: impl Fn(f32) -> f32) -> Vec<f32> {
-    (-i32::from(radius)..=i32::from(radius))
-        .map(|x| f(x as f32))
-        .collect()
+    (-i32::from(radius)..=i32::from(radius)).map(|x| f(x as f32)).collect()
 }
 
 /// Samples of `f` divided by their sum, and the sum.
@@ -230,15 +192,11 @@ fn balanced(radius: i16, f: impl Fn(f32) -> f32) -> Vec<f32> {
 fn separable(plane: &[f32], size: UVec2, row: &[f32], column: &[f32]) -> Vec<f32> {
     let (width, height) = (size.x as usize, size.y as usize);
     let mut rows = vec![0.0; plane.len()];
-    rows.par_chunks_mut(width)
-        .zip(plane.par_chunks(width))
-        .for_each(|(out, line)| {
-            for (x, out) in out.iter_mut().enumerate() {
-                *out = (row.iter().zip(taps(x, row.len(), width)))
-                    .map(|(weight, x)| weight * line[x])
-                    .sum();
-            }
-        });
+    rows.par_chunks_mut(width).zip(plane.par_chunks(width)).for_each(|(out, line)| {
+        for (x, out) in out.iter_mut().enumerate() {
+            *out = (row.iter().zip(taps(x, row.len(), width))).map(|(weight, x)| weight * line[x]).sum();
+        }
+    });
     let mut out = vec![0.0; plane.len()];
     out.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
         for (weight, y) in column.iter().zip(taps(y, column.len(), height)) {
@@ -281,20 +239,12 @@ fn rgb_from_ycxcz(opponent: Vec3) -> Vec3 {
 fn hunt_lab(rgb: Vec3) -> Vec3 {
     const DELTA: f32 = 6.0 / 29.0;
     let f = |t: f32| {
-        if t > DELTA.powi(3) {
-            t.cbrt()
-        } else {
-            t / (3.0 * DELTA * DELTA) + 4.0 / 29.0
-        }
+        if t > DELTA.powi(3) { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
     };
     let v = XYZ_FROM_RGB * rgb / WHITE;
     let (x, y, z) = (f(v.x), f(v.y), f(v.z));
     let lightness = 116.0 * y - 16.0;
-    Vec3::new(
-        lightness,
-        0.01 * lightness * 500.0 * (x - y),
-        0.01 * lightness * 200.0 * (y - z),
-    )
+    Vec3::new(lightness, 0.01 * lightness * 500.0 * (x - y), 0.01 * lightness * 200.0 * (y - z))
 }
 
 /// HyAB: city blocks between lightness and chroma, Euclidean within chroma.
@@ -330,11 +280,7 @@ mod tests {
                 let blue = (x + y) as f32 / (SIZE.x + SIZE.y - 2) as f32;
                 let patch = (10..20).contains(&x) && (5..9).contains(&y);
                 reference.push(Vec3::new(red, green, blue));
-                image.push(Vec3::new(
-                    red * 0.9,
-                    if patch { 0.3 } else { green },
-                    1.0 - 0.75 * (1.0 - blue),
-                ));
+                image.push(Vec3::new(red * 0.9, if patch { 0.3 } else { green }, 1.0 - 0.75 * (1.0 - blue)));
             }
         }
         (image, reference)
@@ -343,22 +289,12 @@ mod tests {
     /// Values of the authors' flip-evaluator 1.7 (`evaluate(..., "LDR", inputsRGB=False, applyMagma=False)`).
     fn expect(pixels_per_degree: f32, mean: f64, points: &[(u32, u32, f32)]) {
         let (image, reference) = pictures();
-        let (image, reference) = (
-            Image::new(SIZE, &image).unwrap(),
-            Image::new(SIZE, &reference).unwrap(),
-        );
+        let (image, reference) = (Image::new(SIZE, &image).unwrap(), Image::new(SIZE, &reference).unwrap());
         let found = ldr_flip(&image, &reference, 1.0, pixels_per_degree).unwrap();
-        assert!(
-            (found.mean - mean).abs() < 2e-5,
-            "mean {} is not {mean}",
-            found.mean
-        );
+        assert!((found.mean - mean).abs() < 2e-5, "mean {} is not {mean}", found.mean);
         for &(x, y, expected) in points {
             let at = found.map[(y * SIZE.x + x) as usize];
-            assert!(
-                (at - expected).abs() < 1e-4,
-                "{at} at ({x}, {y}) is not {expected}"
-            );
+            assert!((at - expected).abs() < 1e-4, "{at} at ({x}, {y}) is not {expected}");
         }
     }
 
@@ -402,10 +338,7 @@ mod tests {
             DEFAULT_PIXELS_PER_DEGREE,
         );
         let far = far.unwrap().mean;
-        assert!(
-            (far - 1.0).abs() < 1e-4,
-            "green against blue is the widest distance: {far}"
-        );
+        assert!((far - 1.0).abs() < 1e-4, "green against blue is the widest distance: {far}");
     }
 
     #[test]
@@ -413,41 +346,20 @@ mod tests {
         let reference = vec![Vec3::ONE; 960];
         let mut image = vec![Vec3::splat(7.0); 960];
         image[0] = Vec3::NAN;
-        let (image, reference) = (
-            Image::new(SIZE, &image).unwrap(),
-            Image::new(SIZE, &reference).unwrap(),
-        );
+        let (image, reference) = (Image::new(SIZE, &image).unwrap(), Image::new(SIZE, &reference).unwrap());
         let found = ldr_flip(&image, &reference, 1.0, DEFAULT_PIXELS_PER_DEGREE).unwrap();
         assert_eq!(found.map[0], 1.0, "not a number");
-        assert_eq!(
-            found.map[959], 0.0,
-            "7 is shown as 1, far from the bad pixel"
-        );
-        assert!(
-            found.map.iter().all(|error| (0.0..=1.0).contains(error)),
-            "all within [0, 1]"
-        );
+        assert_eq!(found.map[959], 0.0, "7 is shown as 1, far from the bad pixel");
+        assert!(found.map.iter().all(|error| (0.0..=1.0).contains(error)), "all within [0, 1]");
     }
 
     #[test]
     fn exposure_and_distance_must_be_positive() {
         let (image, _) = pictures();
         let image = Image::new(SIZE, &image).unwrap();
-        for (exposure, degree) in [
-            (0.0, 67.0),
-            (-1.0, 67.0),
-            (f32::NAN, 67.0),
-            (1.0, 0.0),
-            (1.0, f32::INFINITY),
-        ] {
-            assert!(
-                ldr_flip(&image, &image, exposure, degree).is_err(),
-                "exposure {exposure}, {degree} per degree"
-            );
+        for (exposure, degree) in [(0.0, 67.0), (-1.0, 67.0), (f32::NAN, 67.0), (1.0, 0.0), (1.0, f32::INFINITY)] {
+            assert!(ldr_flip(&image, &image, exposure, degree).is_err(), "exposure {exposure}, {degree} per degree");
         }
-        assert!(
-            ldr_flip(&image, &image, 1.0, 1e-30).is_ok(),
-            "very few pixels a degree count as one"
-        );
+        assert!(ldr_flip(&image, &image, 1.0, 1e-30).is_ok(), "very few pixels a degree count as one");
     }
 }

@@ -32,10 +32,7 @@ impl<'a> Image<'a> {
             return Err(MetricsError::Empty);
         }
         if u64::from(size.x) * u64::from(size.y) != pixels.len() as u64 {
-            return Err(MetricsError::Length {
-                size,
-                found: pixels.len(),
-            });
+            return Err(MetricsError::Length { size, found: pixels.len() });
         }
         Ok(Self { size, pixels })
     }
@@ -97,21 +94,13 @@ fn same_size(image: &Image, reference: &Image) -> Result<(), MetricsError> {
     if image.size == reference.size {
         Ok(())
     } else {
-        Err(MetricsError::SizesDiffer {
-            image: image.size,
-            reference: reference.size,
-        })
+        Err(MetricsError::SizesDiffer { image: image.size, reference: reference.size })
     }
 }
 
 /// Pairs (picture, reference) of the pixels that are finite in both.
 fn finite_pairs(image: &Image, reference: &Image) -> impl Iterator<Item = (Vec3, Vec3)> {
-    image
-        .pixels
-        .iter()
-        .copied()
-        .zip(reference.pixels.iter().copied())
-        .filter(|(i, r)| i.is_finite() && r.is_finite())
+    image.pixels.iter().copied().zip(reference.pixels.iter().copied()).filter(|(i, r)| i.is_finite() && r.is_finite())
 }
 
 #[cfg(test)]
@@ -121,26 +110,12 @@ mod tests {
     #[test]
     fn size_and_length_must_agree() {
         let pixels = [Vec3::ONE; 6];
-        assert!(
-            Image::new(UVec2::new(3, 2), &pixels).is_ok(),
-            "six pixels are three by two"
-        );
+        assert!(Image::new(UVec2::new(3, 2), &pixels).is_ok(), "six pixels are three by two");
         let wrong = Image::new(UVec2::new(4, 2), &pixels).unwrap_err();
-        assert_eq!(
-            wrong.to_string(),
-            "a picture of 4 x 2 cannot have 6 pixels",
-            "the message names both"
-        );
-        assert_eq!(
-            Image::new(UVec2::new(0, 2), &[]).unwrap_err(),
-            MetricsError::Empty,
-            "no width"
-        );
+        assert_eq!(wrong.to_string(), "a picture of 4 x 2 cannot have 6 pixels", "the message names both");
+        assert_eq!(Image::new(UVec2::new(0, 2), &[]).unwrap_err(), MetricsError::Empty, "no width");
         // 2^32 * 2^32 pixels wrap to 0 in 64 bits only when multiplied carelessly.
-        assert!(
-            Image::new(UVec2::splat(u32::MAX), &pixels).is_err(),
-            "a size whose product is large"
-        );
+        assert!(Image::new(UVec2::splat(u32::MAX), &pixels).is_err(), "a size whose product is large");
     }
 
     #[test]
@@ -148,36 +123,20 @@ mod tests {
         let pixels = [Vec3::ONE; 6];
         let a = Image::new(UVec2::new(3, 2), &pixels).unwrap();
         let b = Image::new(UVec2::new(2, 3), &pixels).unwrap();
-        let error = MetricsError::SizesDiffer {
-            image: a.size(),
-            reference: b.size(),
-        };
+        let error = MetricsError::SizesDiffer { image: a.size(), reference: b.size() };
         assert_eq!(rel_mse(&a, &b).unwrap_err(), error, "relMSE");
         assert_eq!(ratio_of_means(&a, &b).unwrap_err(), error, "ratio of means");
-        assert_eq!(
-            ldr_flip(&a, &b, 1.0, DEFAULT_PIXELS_PER_DEGREE).unwrap_err(),
-            error,
-            "FLIP"
-        );
+        assert_eq!(ldr_flip(&a, &b, 1.0, DEFAULT_PIXELS_PER_DEGREE).unwrap_err(), error, "FLIP");
         assert_eq!(signed_difference(&a, &b).unwrap_err(), error, "difference");
         assert_eq!(count_not_finite(&a, &b).unwrap_err(), error, "count");
     }
 
     #[test]
     fn pixels_that_are_not_finite_are_counted_once() {
-        let a = [
-            Vec3::ONE,
-            Vec3::new(f32::NAN, 0.0, 0.0),
-            Vec3::ONE,
-            Vec3::new(f32::INFINITY, f32::NAN, 1.0),
-        ];
+        let a = [Vec3::ONE, Vec3::new(f32::NAN, 0.0, 0.0), Vec3::ONE, Vec3::new(f32::INFINITY, f32::NAN, 1.0)];
         let b = [Vec3::ONE, Vec3::NAN, Vec3::NEG_INFINITY, Vec3::ONE];
         let size = UVec2::new(2, 2);
-        let count = count_not_finite(
-            &Image::new(size, &a).unwrap(),
-            &Image::new(size, &b).unwrap(),
-        )
-        .unwrap();
+        let count = count_not_finite(&Image::new(size, &a).unwrap(), &Image::new(size, &b).unwrap()).unwrap();
         assert_eq!(count, 3, "all but the first");
     }
 }

@@ -48,16 +48,8 @@ mod tests {
 
     #[test]
     fn means_and_their_ratios_by_hand() {
-        let image = [
-            Vec3::new(1.0, 2.0, 0.0),
-            Vec3::new(3.0, 2.0, 0.0),
-            Vec3::NAN,
-        ];
-        let reference = [
-            Vec3::new(1.0, 1.0, 0.0),
-            Vec3::new(1.0, 3.0, 2.0),
-            Vec3::ONE,
-        ];
+        let image = [Vec3::new(1.0, 2.0, 0.0), Vec3::new(3.0, 2.0, 0.0), Vec3::NAN];
+        let reference = [Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, 3.0, 2.0), Vec3::ONE];
         let size = UVec2::new(3, 1);
         let image = Image::new(size, &image).unwrap();
         let reference = Image::new(size, &reference).unwrap();
@@ -72,9 +64,6 @@ mod tests {
     fn a_black_reference_gives_no_number() {
         let black = [Vec3::ZERO];
         let black = Image::new(UVec2::ONE, &black).unwrap();
-        assert!(
-            ratio_of_means(&black, &black).unwrap().overall.is_nan(),
-            "nothing over nothing"
-        );
+        assert!(ratio_of_means(&black, &black).unwrap().overall.is_nan(), "nothing over nothing");
     }
 }

@@ -52,12 +52,7 @@ pub fn rel_mse(image: &Image, reference: &Image) -> Result<RelMse, MetricsError>
         errors.select_nth_unstable_by(kept, f64::total_cmp);
     }
     let robust = mean(&errors[..kept]);
-    Ok(RelMse {
-        plain,
-        robust,
-        exposure,
-        not_finite: image.pixels().len() - errors.len(),
-    })
+    Ok(RelMse { plain, robust, exposure, not_finite: image.pixels().len() - errors.len() })
 }
 
 /// Returns 0.8 divided by the 90th percentile over the finite pixels of `reference` of (r + g + b) / 3, and 1 where
@@ -103,18 +98,9 @@ mod tests {
     #[test]
     fn percentile_interpolates_as_numpy() {
         // numpy.percentile([3, 1, 2, 10], 90) = 3 + 0.7 * 7
-        assert!(
-            (percentile(&mut [3.0, 1.0, 2.0, 10.0], 0.9) - 7.9).abs() < 1e-12,
-            "between the upper two"
-        );
-        assert!(
-            (percentile(&mut [5.0], 0.9) - 5.0).abs() < 1e-12,
-            "one value"
-        );
-        assert!(
-            (percentile(&mut [1.0, 2.0, 3.0], 0.5) - 2.0).abs() < 1e-12,
-            "the median"
-        );
+        assert!((percentile(&mut [3.0, 1.0, 2.0, 10.0], 0.9) - 7.9).abs() < 1e-12, "between the upper two");
+        assert!((percentile(&mut [5.0], 0.9) - 5.0).abs() < 1e-12, "one value");
+        assert!((percentile(&mut [1.0, 2.0, 3.0], 0.5) - 2.0).abs() < 1e-12, "the median");
     }
 
     #[test]
@@ -125,21 +111,9 @@ mod tests {
         let found = rel_mse(&row(&image), &row(&reference)).unwrap();
         let e = 0.8 / 1.9;
         let expected = (0.5 * e) * (0.5 * e) / (e * e + 0.01) / 6.0;
-        assert!(
-            (found.exposure - e).abs() < 1e-12,
-            "exposure {}",
-            found.exposure
-        );
-        assert!(
-            (found.plain - expected).abs() < 1e-12,
-            "plain {} is not {expected}",
-            found.plain
-        );
-        assert!(
-            (found.robust - expected).abs() < 1e-12,
-            "of two pixels none is left out: {}",
-            found.robust
-        );
+        assert!((found.exposure - e).abs() < 1e-12, "exposure {}", found.exposure);
+        assert!((found.plain - expected).abs() < 1e-12, "plain {} is not {expected}", found.plain);
+        assert!((found.robust - expected).abs() < 1e-12, "of two pixels none is left out: {}", found.robust);
     }
 
     #[test]
@@ -151,24 +125,12 @@ mod tests {
         image[1500] = Vec3::splat(0.9);
         let found = rel_mse(&row(&image), &row(&reference)).unwrap();
         let small = 0.01 / 0.65 / 1998.0;
-        assert!(
-            (found.robust - small).abs() < 1e-6 * small,
-            "robust {} is not {small}",
-            found.robust
-        );
-        assert!(
-            found.plain > 1000.0,
-            "plain {} keeps the fireflies",
-            found.plain
-        );
+        assert!((found.robust - small).abs() < 1e-6 * small, "robust {} is not {small}", found.robust);
+        assert!(found.plain > 1000.0, "plain {} keeps the fireflies", found.plain);
 
         // One pixel fewer, and only one may go: 1999 * 0.001 rounds down.
         let found = rel_mse(&row(&image[..1999]), &row(&reference[..1999])).unwrap();
-        assert!(
-            found.robust > 500.0,
-            "the second firefly stays: {}",
-            found.robust
-        );
+        assert!(found.robust > 500.0, "the second firefly stays: {}", found.robust);
     }
 
     #[test]
@@ -176,11 +138,7 @@ mod tests {
         let reference = [Vec3::ONE, Vec3::NAN, Vec3::ONE];
         let image = [Vec3::ONE, Vec3::ONE, Vec3::INFINITY];
         let found = rel_mse(&row(&image), &row(&reference)).unwrap();
-        assert_eq!(
-            (found.plain, found.not_finite),
-            (0.0, 2),
-            "one pixel remains, and it is right"
-        );
+        assert_eq!((found.plain, found.not_finite), (0.0, 2), "one pixel remains, and it is right");
         let nothing = rel_mse(&row(&image[1..]), &row(&reference[1..])).unwrap_err();
         assert_eq!(nothing, MetricsError::NothingFinite, "no pixel remains");
     }
@@ -188,15 +146,7 @@ mod tests {
     #[test]
     fn a_black_reference_is_not_exposed() {
         let found = rel_mse(&row(&[Vec3::splat(0.1)]), &row(&[Vec3::ZERO])).unwrap();
-        assert!(
-            (found.exposure - 1.0).abs() < 1e-12,
-            "exposure {}",
-            found.exposure
-        );
-        assert!(
-            (found.plain - 1.0).abs() < 1e-6,
-            "0.1^2 / 0.01 = 1, not {}",
-            found.plain
-        );
+        assert!((found.exposure - 1.0).abs() < 1e-12, "exposure {}", found.exposure);
+        assert!((found.plain - 1.0).abs() < 1e-6, "0.1^2 / 0.01 = 1, not {}", found.plain);
     }
 }

@@ -1,0 +1,137 @@
+//! The four-term integrator (eq. 7): the picture in bands, each from primary rays over surface points to the film.
+
+use rayon::prelude::*;
+use scene::Scene;
+
+use crate::film::{Band, Film, Terms};
+use crate::gather::Gatherer;
+use crate::lattice::Lattice;
+use crate::plan::Plan;
+use crate::secondary::Secondary;
+use crate::sky::SkySplit;
+use crate::statistics::{Progress, Statistics};
+use crate::surface_points::{PixelPoints, Primary};
+use crate::terms::indirect::{Counts, Incident, IndirectTerm};
+use crate::{Method, Settings};
+
+/// A band holds about so many pixels: enough for the lattice and for both cores, and a bound on the memory for surface points.
+const BAND_PIXELS: u32 = 1 << 17;
+
+/// Renders with four terms, by the cache or by brute force.
+pub(crate) fn render<S: Secondary>(
+    scene: &Scene,
+    settings: &Settings,
+    plan: &Plan,
+    secondary: &S,
+    statistics: &mut Statistics,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Film {
+    let mut film = Film::new(settings.size);
+    let sky = SkySplit::new(scene);
+    let primary = Primary { scene, plan, secondary, sky, size: settings.size, seed: settings.seed };
+    let indirect = IndirectTerm {
+        gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },
+        plan,
+        scene_size: 2.0 * scene.bounds().radius(),
+    };
+    let mut index = radcache::Index::new(plan.validity(0.0, indirect.scene_size));
+    let mut counts = Counts::default();
+    let rows = (BAND_PIXELS / settings.size.x).max(1);
+    let bands = film.bands_mut(rows);
+    let total = bands.len() as f32;
+    for (number, mut band) in bands.into_iter().enumerate() {
+        let done = number as f32 / total;
+        progress(Progress { phase: "direct", done });
+        let pixels = statistics.time("direct", |_| trace_primary(&primary, &band));
+        progress(Progress { phase: "indirect", done });
+        let lattice =
+            Lattice::new(settings.size.x as usize, band.pixel_count() / settings.size.x as usize, all_points(&pixels));
+        let values = statistics.time("indirect", |_| match settings.method {
+            Method::Gather => indirect.gather_all(lattice.points(), &mut counts),
+            Method::Reproject | Method::Path => indirect.reproject_all(&lattice, &mut index, &mut counts),
+        });
+        statistics.time("film", |statistics| {
+            develop(&mut band, pixels, &lattice, &values, plan, secondary, statistics);
+        });
+    }
+    progress(Progress { phase: "indirect", done: 1.0 });
+    add_counts(statistics, &counts);
+    statistics.spp = plan.spp;
+    statistics.records = index.len() as u64;
+    statistics.memory_bytes += index.memory_bytes() as u64 + film.memory_bytes();
+    film
+}
+
+/// Keeps the random numbers of gathers apart from those of primary rays.
+const GATHER_STREAM: u64 = 0x6761_7468_6572;
+
+fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec<PixelPoints> {
+    (0..band.pixel_count())
+        .into_par_iter()
+        .map(|index| primary.pixel(band.position(index), u32::try_from(index).expect("a band is small")))
+        .collect()
+}
+
+fn all_points(pixels: &[PixelPoints]) -> Vec<crate::surface_points::SurfacePoint> {
+    pixels.iter().flat_map(|pixel| pixel.points.iter().copied()).collect()
+}
+
+/// Adds what the cache knows of each surface point, and its caustic, to the light of its pixel.
+fn develop<S: Secondary>(
+    band: &mut Band<'_>,
+    pixels: Vec<PixelPoints>,
+    lattice: &Lattice,
+    values: &[Incident],
+    plan: &Plan,
+    secondary: &S,
+    statistics: &mut Statistics,
+) {
+    let points = lattice.points();
+    let terms: Vec<Terms> = points
+        .par_iter()
+        .zip(values)
+        .map(|(point, value)| {
+            let caustic = if plan.caustic_photons > 0 && point.shading.bsdf.has_diffuse() {
+                secondary.caustic_irradiance(&point.shading.surface) * std::f32::consts::FRAC_1_PI
+            } else {
+                glam::Vec3::ZERO
+            };
+            let glossy = point.specular_weight * value.glossy;
+            let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);
+            let caustic = point.diffuse_weight * caustic;
+            if point.chain == 0 {
+                Terms { direct, specular: glossy, caustic, indirect: rest, ..Terms::default() }
+            } else {
+                // Seen in mirrors or glass: all of it is what those reflect.
+                Terms { specular: direct + glossy + caustic + rest, ..Terms::default() }
+            }
+        })
+        .collect();
+    let mut next = 0;
+    for (index, mut pixel) in pixels.into_iter().enumerate() {
+        statistics.rays += pixel.rays;
+        statistics.dropped_samples += pixel.dropped;
+        statistics.surface_points += pixel.points.len() as u64;
+        for _ in 0..pixel.points.len() {
+            // The weights of points hold the share of their samples; the mean divides by the number of samples.
+            if terms[next].is_finite() {
+                pixel.sum.add_terms(&terms[next], f64::from(plan.spp));
+            } else {
+                statistics.dropped_samples += 1;
+            }
+            next += 1;
+        }
+        band.set(index, &pixel.sum.mean(f64::from(plan.spp)));
+    }
+}
+
+fn add_counts(statistics: &mut Statistics, counts: &Counts) {
+    statistics.rays += counts.rays;
+    statistics.reprojected = counts.reprojected;
+    statistics.interpolated = counts.interpolated;
+    statistics.gathered = counts.gathered;
+    let mean = |sum: f64| if counts.reprojected > 0 { sum / counts.reprojected as f64 } else { 0.0 };
+    statistics.share_filled = mean(counts.filled);
+    statistics.share_unknown = mean(counts.unknown);
+    statistics.share_traced = mean(counts.traced);
+}

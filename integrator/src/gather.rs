@@ -1,0 +1,87 @@
+//! Rays from one point into its hemisphere: n x n for a record, and single ones for holes and verification.
+
+use glam::{Vec3, Vec3A};
+use hemimap::Frame;
+use radcache::Samples;
+use reproject::{Traced, Tracer};
+use scene::{Scene, Surface};
+
+use crate::sampler::Sampler;
+use crate::secondary::{Follower, Secondary};
+use crate::sky::{SkySplit, soft_background};
+use crate::statistics::RayCounts;
+
+/// Answers rays from points of the picture: indirect radiance of what they hit, or the soft part of the sky.
+#[derive(Debug)]
+pub(crate) struct Gatherer<'a, S> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) secondary: &'a S,
+    pub(crate) sky: Option<SkySplit>,
+    pub(crate) seed: u64,
+}
+
+impl<S: Secondary> Gatherer<'_, S> {
+    /// Gathers `n x n` stratified samples at a surface; `key` names the point to the generator of random numbers.
+    pub(crate) fn gather(&self, surface: &Surface, frame: &Frame, n: usize, key: u64, rays: &mut RayCounts) -> Samples {
+        let mut samples = Samples::new(n);
+        for texel in 0..n * n {
+            let mut sampler = Sampler::new(self.seed, key, u32::try_from(texel).expect("n <= 64"));
+            samples.set_jitter(texel, sampler.next_2d());
+            let wi = frame.to_world(samples.direction(texel));
+            let (traced, normal) = self.incident(surface, wi, &mut sampler, rays);
+            samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
+        }
+        rays.gather += (n * n) as u64;
+        samples
+    }
+
+    /// What arrives at a surface along `wi`, and the normal of what is there. Directions below the geometric surface, which a
+    /// shading normal may ask for, are black and infinitely far.
+    fn incident(&self, surface: &Surface, wi: Vec3A, sampler: &mut Sampler, rays: &mut RayCounts) -> (Traced, Vec3A) {
+        let nothing = Traced { radiance: Vec3::ZERO, distance: f32::INFINITY };
+        if wi.dot(surface.ng) <= 0.0 {
+            return (nothing, -wi);
+        }
+        let ray = surface.spawn(wi);
+        let Some(hit) = self.scene.intersect(&ray) else {
+            return (Traced { radiance: soft_background(self.scene, self.sky.as_ref(), wi), ..nothing }, -wi);
+        };
+        let found = self.scene.surface(&ray, &hit);
+        let follower = Follower { scene: self.scene, secondary: self.secondary };
+        let radiance = follower.reflected(&ray, found, sampler, rays);
+        (Traced { radiance, distance: found.t }, found.ng)
+    }
+}
+
+/// The [`Tracer`] of a point: hole rays with light, verification rays without.
+#[derive(Debug)]
+pub(crate) struct PointTracer<'a, S> {
+    pub(crate) gatherer: &'a Gatherer<'a, S>,
+    pub(crate) surface: Surface,
+    pub(crate) key: u64,
+    pub(crate) rays: RayCounts,
+}
+
+impl<S: Secondary> Tracer for PointTracer<'_, S> {
+    fn trace(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
+        for (number, (wi, out)) in wi.iter().zip(out).enumerate() {
+            let number = u32::try_from(number).expect("at most 64 x 64 rays");
+            let mut sampler = Sampler::new(self.gatherer.seed ^ HOLE_STREAM, self.key, number);
+            (*out, _) = self.gatherer.incident(&self.surface, *wi, &mut sampler, &mut self.rays);
+        }
+        self.rays.hole += wi.len() as u64;
+    }
+
+    fn probe(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
+        for (wi, out) in wi.iter().zip(out) {
+            let hit = (wi.dot(self.surface.ng) > 0.0)
+                .then(|| self.gatherer.scene.intersect(&self.surface.spawn(*wi)))
+                .flatten();
+            out.distance = hit.map_or(f32::INFINITY, |hit| hit.t);
+        }
+        self.rays.hole += wi.len() as u64;
+    }
+}
+
+/// Keeps the random numbers of hole rays apart from those of records.
+const HOLE_STREAM: u64 = 0x686f_6c65;

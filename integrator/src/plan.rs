@@ -1,0 +1,90 @@
+//! What this scene needs, and what each method spends at a given quality. What is absent is never allocated or traced.
+
+use radcache::{MergeSettings, RecordSettings, Validity};
+use scene::Scene;
+
+use crate::{Method, Settings};
+
+/// The decisions of a rendering by the four-term methods.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Plan {
+    /// Primary samples a pixel.
+    pub(crate) spp: u32,
+    /// Light samples a primary sample.
+    pub(crate) light_samples: u32,
+    /// Resolution of a gather.
+    pub(crate) n: usize,
+    /// How records are made.
+    pub(crate) record: RecordSettings,
+    /// Reach of records, as a share of the harmonic mean distance.
+    pub(crate) spacing: f32,
+    /// Largest relative difference between the corners of a lattice cell that is interpolated.
+    pub(crate) agreement: f32,
+    /// How reprojections are made.
+    pub(crate) reproject: reproject::Settings,
+    /// Verification rays along a side.
+    pub(crate) verify_side: u32,
+    /// Photons to shoot into the global map.
+    pub(crate) global_photons: u32,
+    /// Photons to shoot into the caustic map, 0 where nothing refracts or mirrors.
+    pub(crate) caustic_photons: u32,
+    /// Narrowest lobe that the texture of a record resolves; narrower ones are traced.
+    pub(crate) min_texture_alpha: f32,
+    /// Samples of a glossy lobe that are looked up in a texture.
+    pub(crate) lobe_samples: u32,
+}
+
+impl Plan {
+    pub(crate) fn new(scene: &Scene, settings: &Settings) -> Self {
+        let features = scene.features();
+        let quality = settings.quality;
+        let cache = settings.method == Method::Reproject;
+        // Error falls as n^-2 in relMSE and the rays of a record grow as n^2, so n goes with the square root of the time.
+        let base_n = if cache { 32.0 } else { 16.0 };
+        let n = round(base_n * quality.sqrt(), 4.0, 64.0) as usize;
+        let spp = settings.spp.unwrap_or_else(|| round(16.0 * quality, 4.0, 65_536.0));
+        let photons = round(200_000.0 * quality.sqrt(), 20_000.0, 5_000_000.0);
+        let lit = !scene.lights().is_empty();
+        // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
+        let max_contrast = if features.glossy { 0.1 } else { 2.0 };
+        Self {
+            spp,
+            light_samples: 1,
+            n,
+            record: RecordSettings { layers: 16, merge: MergeSettings { max_contrast, ..MergeSettings::default() } },
+            spacing: 0.3,
+            agreement: (0.1 / quality.sqrt()).clamp(0.01, 0.3),
+            reproject: reproject::Settings::default(),
+            verify_side: 2,
+            global_photons: if lit && features.diffuse { photons } else { 0 },
+            caustic_photons: if lit && features.delta { 2 * photons } else { 0 },
+            min_texture_alpha: 3.0 / n as f32,
+            lobe_samples: 128,
+        }
+    }
+
+    /// The reach of records where a pixel is `footprint` metres wide at the surface, in a scene of `size` metres.
+    pub(crate) fn validity(&self, footprint: f32, size: f32) -> Validity {
+        Validity {
+            spacing: self.spacing,
+            min_radius: MIN_PIXELS * footprint,
+            max_radius: MAX_SHARE * size,
+            touching_distance: TOUCHING_SHARE * size,
+            ..Validity::default()
+        }
+    }
+}
+
+/// Records reach at least so many pixels: nearer than that, corners would take one for every pixel.
+const MIN_PIXELS: f32 = 2.0;
+/// And at most this share of the scene.
+const MAX_SHARE: f32 = 0.25;
+/// Hits nearer than this share of the scene mean that a point lies in a seam.
+const TOUCHING_SHARE: f32 = 1e-5;
+
+fn round(x: f32, min: f32, max: f32) -> u32 {
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    #[expect(clippy::cast_sign_loss, reason = "clamped")]
+    let rounded = x.round().clamp(min, max) as u32;
+    rounded
+}

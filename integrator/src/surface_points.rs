@@ -1,0 +1,245 @@
+//! Points of the picture: primary rays through mirrors and glass to the surfaces that they show, one entry for each distinct
+//! surface in a pixel, so that antialiasing costs no gathers.
+
+use glam::{UVec2, Vec3};
+use scene::{Ray, Scene};
+
+use crate::film::{FirstHit, PixelSum, Terms, guide_albedo};
+use crate::plan::Plan;
+use crate::sampler::{Sampler, hash_pair};
+use crate::secondary::{Secondary, Shading};
+use crate::sky::SkySplit;
+use crate::statistics::RayCounts;
+use crate::terms::direct::DirectTerm;
+
+/// A distinct surface in a pixel: one of its samples stands for all.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SurfacePoint {
+    /// Pixel within the band.
+    pub(crate) pixel: u32,
+    /// The sequence of mirrors and glass before it: 0 for what is seen directly.
+    pub(crate) chain: u64,
+    /// The sample that stands for the others.
+    pub(crate) shading: Shading,
+    /// Mean over the pixel's samples of throughput times albedo.
+    pub(crate) diffuse_weight: Vec3,
+    /// Mean throughput, for the glossy part.
+    pub(crate) specular_weight: Vec3,
+    /// Width of the pixel at the surface, metres.
+    pub(crate) footprint: f32,
+    /// Names the point to the generators of random numbers.
+    pub(crate) key: u64,
+}
+
+/// What the primary rays of one pixel found.
+#[derive(Debug, Default)]
+pub(crate) struct PixelPoints {
+    pub(crate) sum: PixelSum,
+    pub(crate) points: Vec<SurfacePoint>,
+    pub(crate) rays: RayCounts,
+    pub(crate) dropped: u64,
+}
+
+/// Mirrors and glass seen by a primary ray split it in both branches so often; beyond, one is chosen.
+const MAX_SPLITS: u32 = 2;
+/// A primary ray passes at most so many mirrors and boundaries.
+const MAX_CHAIN: u32 = 64;
+/// Branches that carry less than this are ended by roulette.
+const MIN_THROUGHPUT: f32 = 0.01;
+/// Samples whose normals differ by more are different surfaces.
+const MIN_NORMAL_COS: f32 = 0.95;
+/// Samples farther from the plane of a surface than this share of its distance from the eye are different surfaces.
+const PLANE_TOLERANCE: f32 = 0.01;
+
+/// A primary ray on its way.
+struct Branch {
+    ray: Ray,
+    beta: Vec3,
+    chain: u64,
+    /// Mirrors and boundaries passed.
+    bounces: u32,
+    /// Distance from the eye so far.
+    length: f32,
+}
+
+/// Traces primary rays.
+#[derive(Debug)]
+pub(crate) struct Primary<'a, S> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) plan: &'a Plan,
+    pub(crate) secondary: &'a S,
+    pub(crate) sky: Option<SkySplit>,
+    pub(crate) size: UVec2,
+    pub(crate) seed: u64,
+}
+
+impl<S: Secondary> Primary<'_, S> {
+    /// Traces the samples of the pixel at `position`, which is number `pixel` of its band: its light that needs no cache, and its
+    /// surface points.
+    pub(crate) fn pixel(&self, position: UVec2, pixel: u32) -> PixelPoints {
+        let mut found = PixelPoints::default();
+        let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
+        for number in 0..self.plan.spp {
+            let mut sampler = Sampler::new(self.seed, key, number);
+            let film = position.as_vec2() + sampler.next_2d();
+            let mut terms = Terms::default();
+            let mut stack = vec![Branch {
+                ray: self.scene.camera().ray(film, self.size),
+                beta: Vec3::ONE,
+                chain: 0,
+                bounces: 0,
+                length: 0.0,
+            }];
+            found.rays.camera += 1;
+            let mut branch_number = 0;
+            while let Some(branch) = stack.pop() {
+                branch_number += 1;
+                sampler.start_bounce(branch_number);
+                self.step(branch, pixel, key, &mut sampler, &mut stack, &mut terms, &mut found);
+            }
+            if terms.is_finite() {
+                found.sum.add_terms(&terms, 1.0);
+            } else {
+                found.dropped += 1;
+            }
+        }
+        found
+    }
+
+    fn step(
+        &self,
+        branch: Branch,
+        pixel: u32,
+        key: u64,
+        sampler: &mut Sampler,
+        stack: &mut Vec<Branch>,
+        terms: &mut Terms,
+        found: &mut PixelPoints,
+    ) {
+        let Branch { ray, chain, bounces, .. } = branch;
+        let Some(hit) = self.scene.intersect(&ray) else {
+            add_emission(terms, bounces, branch.beta * self.scene.background(ray.direction));
+            return;
+        };
+        let surface = self.scene.surface(&ray, &hit);
+        let beta = branch.beta * self.scene.transmittance(&surface);
+        let length = branch.length + surface.t;
+        let shading = Shading::new(self.scene, surface, ray.direction);
+        let bsdf = &shading.bsdf;
+        if bounces == 0 {
+            let hit = FirstHit { albedo: guide_albedo(bsdf), normal: surface.n, depth: surface.t };
+            found.sum.add_hit(&hit, 1.0);
+        }
+        add_emission(terms, bounces, beta * self.scene.emission(&surface));
+        if bsdf.has_diffuse() || bsdf.has_glossy() {
+            let direct = DirectTerm { scene: self.scene, plan: self.plan, secondary: self.secondary, sky: self.sky };
+            let light = direct.sample(&shading, sampler, &mut found.rays);
+            if bounces == 0 {
+                terms.direct += beta * light.direct;
+            } else {
+                terms.specular += beta * light.direct;
+            }
+            terms.specular += beta * light.specular;
+            let point = SurfacePoint {
+                pixel,
+                chain,
+                shading,
+                diffuse_weight: beta * bsdf.diffuse / self.plan.spp as f32,
+                specular_weight: beta / self.plan.spp as f32,
+                footprint: length * self.scene.camera().pixel_angle(self.size),
+                key: hash_pair(key, found.points.len() as u64),
+            };
+            add_point(&mut found.points, point, length);
+        }
+        if bounces < MAX_CHAIN {
+            self.branch(&shading, beta, Branch { length, ..branch }, sampler, stack, &mut found.rays);
+        }
+    }
+
+    /// Goes on through mirrors and glass: both ways at first, then one of them.
+    fn branch(
+        &self,
+        shading: &Shading,
+        beta: Vec3,
+        from: Branch,
+        sampler: &mut Sampler,
+        stack: &mut Vec<Branch>,
+        rays: &mut RayCounts,
+    ) {
+        let branches = shading.bsdf.delta_branches(shading.wo);
+        let strength = branches.map(|b| b.map_or(0.0, |b| (b.weight * beta).max_element()));
+        let total = strength[0] + strength[1];
+        if total <= 0.0 {
+            return;
+        }
+        let u = sampler.next_2d();
+        let split = from.bounces < MAX_SPLITS;
+        let first = strength[0] / total;
+        for (way, sample) in branches.into_iter().enumerate() {
+            let Some(sample) = sample else { continue };
+            // The chance of going this way, and what that makes of its weight.
+            let chance = if split {
+                1.0
+            } else if way == 0 {
+                first
+            } else {
+                1.0 - first
+            };
+            let chosen = split || (u.x < first) == (way == 0);
+            if !chosen || chance <= 0.0 {
+                continue;
+            }
+            let mut beta = beta * sample.weight / chance;
+            let survival = (beta.max_element() / MIN_THROUGHPUT).min(1.0);
+            let roulette = if way == 0 { u.y } else { 1.0 - u.y };
+            if roulette >= survival {
+                continue;
+            }
+            beta /= survival;
+            let wi = shading.frame.to_world(sample.wi);
+            if !shading.leaves(wi, sample.wi) {
+                continue;
+            }
+            rays.path += 1;
+            stack.push(Branch {
+                ray: shading.surface.spawn(wi),
+                beta,
+                chain: from.chain * 2 + 1 + way as u64,
+                bounces: from.bounces + 1,
+                length: from.length,
+            });
+        }
+    }
+}
+
+/// Light that a primary ray met by itself: seen, seen in one mirror, or in several.
+fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
+    match bounces {
+        0 => terms.emitted += radiance,
+        1 => terms.direct += radiance,
+        _ => terms.specular += radiance,
+    }
+}
+
+/// Adds a sample to the point of its surface, or starts one.
+fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) {
+    let same = points.iter_mut().find(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
+    match same {
+        Some(other) => {
+            other.diffuse_weight += point.diffuse_weight;
+            other.specular_weight += point.specular_weight;
+        }
+        None => points.push(point),
+    }
+}
+
+/// Whether two points lie on one surface seen the same way: like normals, and each near the plane of the other.
+pub(crate) fn same_surface(a: &SurfacePoint, b: &SurfacePoint, tolerance: f32) -> bool {
+    let (sa, sb) = (&a.shading.surface, &b.shading.surface);
+    let apart = sb.p - sa.p;
+    a.chain == b.chain
+        && sa.material == sb.material
+        && sa.n.dot(sb.n) >= MIN_NORMAL_COS
+        && sa.n.dot(apart).abs() <= tolerance
+        && sb.n.dot(apart).abs() <= tolerance
+}

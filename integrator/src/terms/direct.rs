@@ -1,0 +1,115 @@
+//! The first term of eq. 7: light that comes straight from the sources, by light sampling with MIS; and with the same ray through
+//! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
+
+use glam::{Vec2, Vec3};
+use scene::{Lobes, Ray, Scene, Specular, Surface};
+
+use crate::plan::Plan;
+use crate::sampler::Sampler;
+use crate::secondary::{Follower, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
+use crate::sky::SkySplit;
+use crate::statistics::RayCounts;
+
+/// Shades primary samples.
+#[derive(Debug)]
+pub(crate) struct DirectTerm<'a, S> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) plan: &'a Plan,
+    pub(crate) secondary: &'a S,
+    pub(crate) sky: Option<SkySplit>,
+}
+
+/// Light of a primary sample.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Light {
+    /// f L_d.
+    pub(crate) direct: Vec3,
+    /// f_s L_c, and f_s L_i where the lobe is traced.
+    pub(crate) specular: Vec3,
+}
+
+impl<S: Secondary> DirectTerm<'_, S> {
+    /// Samples the light at a point. The soft part of the sky is left to textures for the diffuse lobe, not for the glossy one.
+    pub(crate) fn sample(&self, shading: &Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Light {
+        let mut light = Light::default();
+        let count = self.plan.light_samples;
+        for _ in 0..count {
+            let (diffuse, specular) = direct_light(self.scene, shading, sampler.next_4d(), self.sky.as_ref(), rays);
+            light.direct += (diffuse + specular) / count as f32;
+        }
+        if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
+            light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);
+        }
+        if shading.bsdf.has_glossy() {
+            self.add_lobe(shading, sampler, rays, &mut light);
+        }
+        light
+    }
+
+    /// Follows one sample of the glossy lobe.
+    fn add_lobe(&self, shading: &Shading, sampler: &mut Sampler, rays: &mut RayCounts, light: &mut Light) {
+        let u = sampler.next_4d();
+        let Some(sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2])) else {
+            return;
+        };
+        let wi = shading.frame.to_world(sample.wi);
+        if sample.delta || !shading.leaves(wi, sample.wi) {
+            return;
+        }
+        let ray = shading.surface.spawn(wi);
+        rays.path += 1;
+        let Some(hit) = self.scene.intersect(&ray) else {
+            let weight = mis_weight(sample.pdf, self.scene.lights().pdf_environment(wi));
+            light.direct += sample.weight * weight * self.scene.background(wi);
+            return;
+        };
+        let surface = self.scene.surface(&ray, &hit);
+        let emission = self.scene.emission(&surface);
+        if emission != Vec3::ZERO {
+            let light_pdf = self.scene.lights().pdf_surface(shading.surface.p, wi, &surface);
+            let through = self.scene.transmittance(&surface);
+            light.direct += sample.weight * through * mis_weight(sample.pdf, light_pdf) * emission;
+        }
+        if self.scene.features().delta {
+            light.specular += sample.weight * self.caustic_along(ray, surface, sampler, rays);
+        }
+        if is_traced(shading, self.plan) {
+            let follower = Follower { scene: self.scene, secondary: self.secondary };
+            light.specular += sample.weight * follower.reflected(&ray, surface, sampler, rays);
+        }
+    }
+
+    /// Radiance of the source at the end of a chain of mirrors and glass that starts at `surface`: L_c along the ray. Black where it
+    /// starts at anything else.
+    fn caustic_along(&self, ray: Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+        const MAX_CHAIN: usize = 64;
+        let mut sampler = sampler.split();
+        let mut beta = self.scene.transmittance(&surface);
+        let mut shading = Shading::new(self.scene, surface, ray.direction);
+        for _ in 0..MAX_CHAIN {
+            let u = sampler.next_1d();
+            if !shading.bsdf.is_delta() {
+                break;
+            }
+            let Some(sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u, Vec2::splat(0.5)) else { break };
+            let wi = shading.frame.to_world(sample.wi);
+            beta *= sample.weight;
+            let ray = shading.surface.spawn(wi);
+            rays.path += 1;
+            let Some(hit) = self.scene.intersect(&ray) else { return beta * self.scene.background(wi) };
+            let surface = self.scene.surface(&ray, &hit);
+            beta *= self.scene.transmittance(&surface);
+            let emission = self.scene.emission(&surface);
+            if emission != Vec3::ZERO {
+                return beta * emission;
+            }
+            shading = Shading::new(self.scene, surface, wi);
+        }
+        Vec3::ZERO
+    }
+}
+
+/// Whether the glossy lobe of a point is too narrow for the texture of a record, so that its samples are traced.
+pub(crate) fn is_traced(shading: &Shading, plan: &Plan) -> bool {
+    matches!(shading.bsdf.specular, Specular::Ggx { alpha, .. } if alpha < plan.min_texture_alpha)
+}
