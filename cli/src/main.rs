@@ -1,2 +1,93 @@
-//! The command line.
-fn main() {}
+//! `freelux`: words and files around the renderer. Each subcommand is one file and one call into the libraries.
+
+mod args;
+mod compare;
+mod encode;
+mod failure;
+mod files;
+mod images;
+mod info;
+mod memory;
+mod progress;
+mod render;
+mod summary;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use clap::error::ErrorKind;
+
+use crate::failure::{Failure, print};
+
+/// Renders scenes with global illumination by caching and reprojecting radiance.
+///
+/// Exit codes: 0 done; 1 failed while running, or `compare` found more than its limit; 2 wrong input or arguments.
+#[derive(Debug, Parser)]
+#[command(name = "freelux", version, max_term_width = 100, arg_required_else_help = false)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Render(render::RenderArgs),
+    Compare(compare::CompareArgs),
+    Info(info::InfoArgs),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::try_parse() {
+        Ok(cli) => match &cli.command {
+            Command::Render(args) => render::run(args),
+            Command::Compare(args) => compare::run(args),
+            Command::Info(args) => info::run(args),
+        },
+        Err(error) => answer(&error),
+    };
+    result.unwrap_or_else(|failure| failure.report())
+}
+
+/// Prints help or the version where that was asked for; other errors of the arguments become one line.
+fn answer(error: &clap::Error) -> Result<ExitCode, Failure> {
+    let text = error.render().to_string();
+    if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+        print(&text)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let lines =
+        text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"));
+    let words: Vec<&str> = lines.map(str::trim).filter(|line| !line.is_empty()).collect();
+    let line = words.join(" ");
+    let line = line.strip_prefix("error: ").unwrap_or(&line);
+    Err(Failure::Input(format!("{line}; see freelux --help")))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_definition_of_the_arguments_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn errors_of_arguments_are_one_line_with_the_name() {
+        for (words, name) in [
+            (&["freelux", "render", "--sizes", "1x1"][..], "--sizes"),
+            (&["freelux", "render", "--size", "1"], "--size"),
+            (&["freelux", "render", "--method", "magic"], "magic"),
+            (&["freelux", "compare", "a.exr"], "REFERENCE"),
+            (&["freelux", "polish"], "polish"),
+            (&["freelux"], "subcommand"),
+        ] {
+            let Err(Failure::Input(line)) = answer(&Cli::try_parse_from(words).unwrap_err()) else {
+                panic!("{words:?} is an error of input");
+            };
+            assert!(line.contains(name) && !line.contains('\n'), "{words:?}: {line}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! How single arguments are written.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use glam::{UVec2, Vec3};
+use integrator::Method;
+
+/// A picture's size, `WIDTHxHEIGHT`. What is too large for 32 bits becomes the largest number, which the limit refuses.
+pub(crate) fn size(text: &str) -> Result<UVec2, String> {
+    let parse = |side: &str| side.parse().map(|side: u64| u32::try_from(side).unwrap_or(u32::MAX)).ok();
+    text.split_once(['x', 'X'])
+        .and_then(|(width, height)| Some(UVec2::new(parse(width)?, parse(height)?)))
+        .ok_or_else(|| "write it as 640x360".to_owned())
+}
+
+/// Three finite numbers, `x,y,z`.
+pub(crate) fn vector(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| finite(number.trim()).ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
+        _ => Err("write it as three numbers, 0,1.5,-3".to_owned()),
+    }
+}
+
+/// A finite number.
+pub(crate) fn finite(text: &str) -> Result<f32, String> {
+    match f32::from_str(text) {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err("it must be a finite number".to_owned()),
+    }
+}
+
+/// A finite number that is not negative.
+pub(crate) fn not_negative(text: &str) -> Result<f32, String> {
+    finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("it must not be negative".to_owned()) })
+}
+
+/// Stops of exposure: beyond these limits every picture is black or white.
+pub(crate) fn stops(text: &str) -> Result<f32, String> {
+    finite(text).and_then(|stops| {
+        if stops.abs() <= 64.0 { Ok(stops) } else { Err("it must lie between -64 and 64".to_owned()) }
+    })
+}
+
+/// A vertical angle of view in degrees.
+pub(crate) fn angle(text: &str) -> Result<f32, String> {
+    match finite(text) {
+        Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
+        _ => Err("it must lie between 0 and 180 degrees".to_owned()),
+    }
+}
+
+/// A method by its name.
+pub(crate) fn method() -> impl TypedValueParser<Value = Method> {
+    const METHODS: [Method; 3] = [Method::Reproject, Method::Gather, Method::Path];
+    PossibleValuesParser::new(METHODS.map(Method::name))
+        .map(|name| METHODS.into_iter().find(|method| method.name() == name).expect("one of the possible values"))
+}
+
+/// The kinds of pictures that are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum OutputKind {
+    /// OpenEXR.
+    Exr,
+    /// PNG.
+    Png,
+}
+
+/// A picture to be written; the suffix decides the kind.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Output {
+    /// Where to.
+    pub(crate) path: PathBuf,
+    /// What kind.
+    pub(crate) kind: OutputKind,
+}
+
+impl FromStr for Output {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let path = PathBuf::from(text);
+        let suffix = path.extension().and_then(|suffix| suffix.to_str()).map(str::to_ascii_lowercase);
+        match suffix.as_deref() {
+            Some("exr") => Ok(Self { path, kind: OutputKind::Exr }),
+            Some("png") => Ok(Self { path, kind: OutputKind::Png }),
+            _ => Err("its suffix must be .exr or .png".to_owned()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("640x360"), Ok(UVec2::new(640, 360)), "the usual way");
+        assert_eq!(size("99999999999x1"), Ok(UVec2::new(u32::MAX, 1)), "left to the limit");
+        for text in ["640", "640x", "x", "-1x4", "6.5x3", "1x2x3", ""] {
+            assert!(size(text).is_err(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn vectors() {
+        assert_eq!(vector("-1, 2.5,3e2"), Ok(Vec3::new(-1.0, 2.5, 300.0)), "signs, spaces and exponents");
+        for text in ["1,2", "1,2,3,4", "1,2,nan", "1,2,inf", "1,2,1e99", "a,b,c", ""] {
+            assert!(vector(text).is_err(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_with_limits() {
+        assert!(
+            angle("39.3").is_ok() && angle("0").is_err() && angle("180").is_err() && angle("nan").is_err(),
+            "angle"
+        );
+        assert!(stops("-3").is_ok() && stops("65").is_err() && stops("inf").is_err(), "stops");
+        assert!(not_negative("0").is_ok() && not_negative("-0.1").is_err(), "not negative");
+    }
+
+    #[test]
+    fn the_suffix_decides() {
+        assert_eq!("a/b.EXR".parse::<Output>().unwrap().kind, OutputKind::Exr, "in capitals too");
+        assert_eq!("a.exr.png".parse::<Output>().unwrap().kind, OutputKind::Png, "the last one");
+        for text in ["a", "a.jpg", ".png", "", "a/"] {
+            assert!(text.parse::<Output>().is_err(), "{text:?}");
+        }
+    }
+}

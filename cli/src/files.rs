@@ -1,0 +1,174 @@
+//! Files that appear whole or not at all: written beside their place, then renamed.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::{Builder, NamedTempFile};
+
+use crate::failure::Failure;
+
+/// Symbolic links followed, as Linux does.
+const MAX_LINKS: usize = 40;
+
+/// Checks that a file can be written to `path`, before any work is done for it.
+pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
+    let refuse = |what: String| Err(Failure::Input(format!("{}: {what}", path.display())));
+    let target = resolve(path);
+    match fs::metadata(&target) {
+        Ok(found) if found.is_dir() => return refuse("is a folder; name a file".into()),
+        Ok(found) if !found.is_file() => return Ok(()), // a device or pipe: only writing will tell
+        Ok(found) if found.permissions().readonly() => {
+            return refuse("is write-protected; choose another name or allow writing".into());
+        }
+        _ => {}
+    }
+    let folder = folder_of(&target);
+    if !folder.is_dir() {
+        return refuse(format!("there is no folder {}; create it or choose another", folder.display()));
+    }
+    match beside(&target) {
+        Ok(_) => Ok(()), // the trial is deleted here
+        Err(error) => refuse(format!("cannot be written there: {error}; choose another folder")),
+    }
+}
+
+/// Writes all files or none: every one is complete on the disk before the first takes its name.
+pub(crate) fn write_all(files: &[(&Path, Vec<u8>)]) -> Result<(), Failure> {
+    let mut staged = Vec::with_capacity(files.len());
+    for (path, bytes) in files {
+        staged.push((*path, stage(path, bytes).map_err(|error| Failure::unwritable(path, &error))?));
+    }
+    for (path, staged) in staged {
+        if let Some((file, target)) = staged {
+            file.persist(target).map_err(|failed| Failure::unwritable(path, &failed.error))?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes `bytes` beside `path` and returns the file with the name it is to take. A device or pipe cannot be replaced
+/// and is written at once.
+fn stage(path: &Path, bytes: &[u8]) -> io::Result<Option<(NamedTempFile, PathBuf)>> {
+    let target = resolve(path);
+    let old = fs::metadata(&target).ok();
+    if old.as_ref().is_some_and(|old| !old.is_file()) {
+        let mut device = File::options().write(true).open(&target)?;
+        device.write_all(bytes)?;
+        return Ok(None);
+    }
+    let mut file = beside(&target)?;
+    file.write_all(bytes)?;
+    if let Some(old) = old {
+        file.as_file().set_permissions(old.permissions())?;
+    }
+    file.as_file().sync_all()?;
+    Ok(Some((file, target)))
+}
+
+/// A file in the folder of `target`, deleted when dropped; with the rights that a new file has, not a secret one's.
+fn beside(target: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = Builder::new();
+    builder.prefix(".freelux-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder_of(target))
+}
+
+/// Where `path` leads: a symbolic link stays a link, and the file it names is replaced, whether it exists or not.
+fn resolve(path: &Path) -> PathBuf {
+    let mut target = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match fs::read_link(&target) {
+            Ok(next) => target = folder_of(&target).join(next),
+            Err(_) => break,
+        }
+    }
+    target
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_is_replaced_and_nothing_else_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        fs::write(&path, "old").unwrap();
+        check_writable(&path).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"old", "the check leaves the old file");
+        write_all(&[(&path, b"new".to_vec())]).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new", "replaced");
+        assert_eq!(names(folder.path()), ["a.png"], "no leftovers");
+    }
+
+    #[test]
+    fn when_one_file_fails_none_appears() {
+        let folder = tempfile::tempdir().unwrap();
+        let (good, bad) = (folder.path().join("a.png"), folder.path().join("missing/b.exr"));
+        let failure = write_all(&[(&good, b"new".to_vec()), (&bad, b"new".to_vec())]).unwrap_err();
+        assert!(matches!(&failure, Failure::Run(line) if line.contains("b.exr")), "{failure:?} names the file");
+        assert_eq!(names(folder.path()), [""; 0], "neither the good one nor a part of it");
+    }
+
+    #[test]
+    fn folders_and_missing_folders_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for path in [folder.path().to_owned(), folder.path().join("none/a.png")] {
+            assert!(matches!(check_writable(&path), Err(Failure::Input(_))), "{}", path.display());
+        }
+        assert_eq!(names(folder.path()), [""; 0], "checking creates nothing");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_its_target_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("real")).unwrap();
+        let link = folder.path().join("link.png");
+        std::os::unix::fs::symlink("real/a.png", &link).unwrap();
+        check_writable(&link).unwrap();
+        write_all(&[(&link, b"one".to_vec())]).unwrap();
+        write_all(&[(&link, b"two".to_vec())]).unwrap();
+        assert!(link.is_symlink(), "still a link");
+        assert_eq!(fs::read(folder.path().join("real/a.png")).unwrap(), b"two", "its target is new");
+        assert_eq!(names(folder.path()), ["link.png", "real"], "no leftovers");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn new_files_have_usual_rights_and_old_ones_keep_theirs() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (plain, ours) = (folder.path().join("plain"), folder.path().join("ours"));
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        fs::write(&plain, "").unwrap();
+        write_all(&[(&ours, Vec::new())]).unwrap();
+        assert_eq!(mode(&ours), mode(&plain), "as any new file");
+        fs::set_permissions(&ours, fs::Permissions::from_mode(0o640)).unwrap();
+        write_all(&[(&ours, Vec::new())]).unwrap();
+        assert_eq!(mode(&ours), 0o640, "kept when replaced");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_device_is_an_error() {
+        let failure = write_all(&[(Path::new("/dev/full"), vec![0; 10])]).unwrap_err();
+        assert!(matches!(failure, Failure::Run(_)), "{failure:?}");
+    }
+}

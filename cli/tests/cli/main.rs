@@ -1,0 +1,8 @@
+//! The binary as its users see it: exit codes, streams and files.
+
+mod arguments;
+mod common;
+mod compare;
+#[cfg(target_os = "linux")]
+mod hostile;
+mod render;

@@ -1,0 +1,184 @@
+//! What `render` writes: pictures, their channels, statistics; the same bytes for any number of threads.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use crate::common::{Run, data, folder, freelux, names};
+use exr::prelude::{Compression, FlatImage, FlatSamples, read_all_flat_layers_from_file};
+
+const CORNELL: [&str; 6] = ["--eye", "278,273,-800", "--at=278,273,-799", "--up=0,1,0", "--fov", "39.3"];
+
+/// Renders the Cornell box by `path`, 16 x 16.
+fn cornell(folder: &Path, args: &[&str]) -> Run {
+    let scene = data("study/cornell/scene.obj");
+    let mut all = vec!["render", scene.to_str().expect("the name is text"), "--method=path", "--spp=4", "--size=16x16"];
+    all.extend(CORNELL);
+    all.extend(args);
+    freelux(folder, &all)
+}
+
+fn channel<'a>(image: &'a FlatImage, name: &str) -> &'a [f32] {
+    let channels = &image.layer_data[0].channel_data.list;
+    let found =
+        channels.iter().find(|channel| channel.name.eq(name)).unwrap_or_else(|| panic!("there is no channel {name}"));
+    match &found.sample_data {
+        FlatSamples::F32(samples) => samples,
+        other => panic!("{name} is not of 32 bits: {other:?}"),
+    }
+}
+
+fn channel_names(image: &FlatImage) -> Vec<String> {
+    image.layer_data[0].channel_data.list.iter().map(|channel| channel.name.to_string()).collect()
+}
+
+#[test]
+fn the_embedded_scene_renders_to_the_default_names() {
+    let folder = folder();
+    let run = freelux(folder.path(), &["render", "--method=path", "--spp=1", "--size=16x9"]);
+    run.expect_done();
+    assert_eq!(names(folder.path()), ["freelux.exr", "freelux.png"], "both pictures and nothing else");
+    assert_eq!(run.stdout, "", "stdout is for what was asked");
+    for words in ["seconds", "rays", "memory", "wrote freelux.exr, freelux.png"] {
+        assert!(run.stderr.contains(words), "{words} in the summary: {}", run.stderr);
+    }
+    let png = image::open(folder.path().join("freelux.png")).unwrap().into_rgb8();
+    assert_eq!(png.dimensions(), (16, 9), "the size asked for");
+    assert!(png.pixels().any(|pixel| pixel.0.iter().max() > Some(&60)), "there is light");
+}
+
+#[test]
+fn the_exr_has_the_channels_and_metadata_that_are_promised() {
+    let folder = folder();
+    cornell(folder.path(), &["--seed=5", "--out=a.exr"]).expect_done();
+    let image = read_all_flat_layers_from_file(folder.path().join("a.exr")).unwrap();
+    assert_eq!(image.layer_data.len(), 1, "one part");
+    assert_eq!(image.layer_data[0].encoding.compression, Compression::ZIP16, "ZIP");
+    let mut expected: Vec<String> = ["A", "B", "G", "R", "depth.Z"].map(String::from).to_vec();
+    for prefix in ["albedo", "caustic", "direct", "emitted", "indirect", "specular"] {
+        expected.extend(["R", "G", "B"].map(|name| format!("{prefix}.{name}")));
+    }
+    expected.extend(["X", "Y", "Z"].map(|axis| format!("normal.{axis}")));
+    expected.sort();
+    assert_eq!(channel_names(&image), expected, "channels");
+
+    // The terms sum to the picture bit for bit, in the order of the film.
+    for name in ["R", "G", "B"] {
+        let term = |term: &str| channel(&image, &format!("{term}.{name}"));
+        let terms = ["emitted", "direct", "specular", "caustic", "indirect"].map(term);
+        for (pixel, picture) in channel(&image, name).iter().enumerate() {
+            let sum = terms.iter().skip(1).fold(terms[0][pixel], |sum, term| sum + term[pixel]);
+            assert_eq!(sum.to_bits(), picture.to_bits(), "pixel {pixel} of {name}");
+        }
+    }
+    assert!(channel(&image, "R").iter().any(|red| *red > 0.01), "there is light");
+    assert!(channel(&image, "depth.Z").iter().any(|depth| (800.0..1400.0).contains(depth)), "the box is 800 away");
+
+    let attributes = image.attributes.other.iter().chain(&image.layer_data[0].attributes.other);
+    let attributes: HashMap<String, String> =
+        attributes.map(|(name, value)| (name.to_string(), format!("{value:?}"))).collect();
+    assert!(attributes["freelux:command"].contains("--size=16x16"), "the command");
+    assert!(attributes["freelux:seed"].contains('5'), "the seed");
+    let software = image.layer_data[0].attributes.software_name.as_ref().unwrap().to_string();
+    assert_eq!(software, concat!("freelux ", env!("CARGO_PKG_VERSION")), "the version");
+    assert!(image.attributes.chromaticities.is_some(), "the primaries");
+}
+
+#[test]
+fn a_term_alone_is_the_picture() {
+    let folder = folder();
+    cornell(folder.path(), &["--out=all.exr"]).expect_done();
+    cornell(folder.path(), &["--out=direct.exr", "--term=direct"]).expect_done();
+    let all = read_all_flat_layers_from_file(folder.path().join("all.exr")).unwrap();
+    let direct = read_all_flat_layers_from_file(folder.path().join("direct.exr")).unwrap();
+    assert_eq!(channel_names(&direct), ["A", "B", "G", "R"], "nothing but the term");
+    assert_eq!(channel(&direct, "G"), channel(&all, "direct.G"), "the same values");
+    assert_ne!(channel(&direct, "G"), channel(&all, "G"), "which are not the whole picture");
+}
+
+#[test]
+fn threads_do_not_change_a_byte_and_the_seed_does() {
+    let folder = folder();
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    for threads in ["1", "2", "3"] {
+        let (exr, png) = (format!("--out={threads}.exr"), format!("--out={threads}.png"));
+        cornell(folder.path(), &["--threads", threads, "--quiet", &exr, &png]).expect_done();
+    }
+    for suffix in ["exr", "png"] {
+        assert_eq!(read(&format!("1.{suffix}")), read(&format!("2.{suffix}")), "one and two threads, {suffix}");
+        assert_eq!(read(&format!("1.{suffix}")), read(&format!("3.{suffix}")), "one and three threads, {suffix}");
+    }
+    cornell(folder.path(), &["--seed=1", "--out=seed.png"]).expect_done();
+    assert_ne!(read("1.png"), read("seed.png"), "another seed");
+}
+
+#[test]
+fn statistics_are_written_as_json() {
+    let folder = folder();
+    let run = cornell(folder.path(), &["--out=a.png", "--stats=a.json", "--quiet", "--threads=2"]);
+    assert_eq!(run.expect_done().stderr, "", "quiet");
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join("a.json")).unwrap()).unwrap();
+    assert!(json["render_seconds"].as_f64().unwrap() > 0.0, "{json}");
+    assert_eq!((json["threads"].as_u64(), json["method"].as_str()), (Some(2), Some("path")), "{json}");
+    assert_eq!(json["rays"]["camera"], 16 * 16 * 4, "four samples a pixel");
+
+    let run = cornell(folder.path(), &["--out=a.png", "--stats=-", "--quiet"]);
+    let json: serde_json::Value = serde_json::from_str(&run.expect_done().stdout).unwrap();
+    assert_eq!(json["size"], serde_json::json!([16, 16]), "the same on stdout");
+}
+
+#[test]
+fn exposure_brightens_the_png_alone() {
+    let folder = folder();
+    let mean = |name: &str| {
+        let png = image::open(folder.path().join(name)).unwrap().into_rgb8();
+        png.pixels().flat_map(|pixel| pixel.0).map(f64::from).sum::<f64>()
+    };
+    cornell(folder.path(), &["--exposure=0", "--out=0.png", "--out=0.exr"]).expect_done();
+    cornell(folder.path(), &["--exposure=2", "--out=2.png", "--out=2.exr"]).expect_done();
+    assert!(mean("2.png") > 1.2 * mean("0.png"), "{} against {}", mean("2.png"), mean("0.png"));
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(read("0.exr"), read("2.exr"), "the EXR is not exposed");
+}
+
+#[test]
+fn surroundings_light_the_embedded_scene_too() {
+    let folder = folder();
+    let env = data("study/atrium-env/env.exr");
+    let render = |more: [&str; 2]| {
+        let args = ["render", "--method=path", "--spp=1", "--size=8x8", "--env", env.to_str().unwrap()];
+        freelux(folder.path(), &[&args[..], &more].concat()).expect_done();
+    };
+    render(["--env-scale=1", "--out=a.exr"]);
+    render(["--env-scale=0", "--out=b.exr"]);
+    let sum = |name: &str| {
+        let image = read_all_flat_layers_from_file(folder.path().join(name)).unwrap();
+        channel(&image, "B").iter().sum::<f32>()
+    };
+    assert!(sum("a.exr") > sum("b.exr"), "scaled to nothing it is darker: {} and {}", sum("a.exr"), sum("b.exr"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_and_a_closed_pipe_end_without_a_trace() {
+    let folder = folder();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
+    let run = cornell(folder.path(), &["--quiet", "--out=a.png", "--out=full.exr"]);
+    run.expect_refused(1, "full.exr: cannot be written");
+    assert_eq!(names(folder.path()), ["full.exr"], "neither the other picture nor a part of it");
+
+    let mut child = crate::common::command(folder.path())
+        .args(["info", data("study/cornell/reference.exr").to_str().unwrap()])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "the closed pipe ends it quietly: {output:?}");
+
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = crate::common::command(folder.path()).arg("--help").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "the full device is told");
+    assert_eq!(String::from_utf8_lossy(&output.stderr).lines().count(), 1, "in one line");
+}
