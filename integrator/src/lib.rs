@@ -8,6 +8,7 @@ mod four_terms;
 mod gather;
 mod lattice;
 mod path;
+mod photons;
 mod plan;
 mod render;
 mod sampler;
@@ -20,6 +21,7 @@ mod terms;
 
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
+pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings};
 pub use render::{Rendering, render};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{NoSecondary, Secondary};

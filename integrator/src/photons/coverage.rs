@@ -1,0 +1,47 @@
+//! How much of the disc around a point is really surface.
+//!
+//! A photon estimate divides by the area of a disc. Beside an edge or in a corner a part of it hangs in the air or lies behind a wall, and the
+//! estimate would be too dark: by a half at a straight edge, by three quarters in a corner. So the disc is tested: short
+//! rays from a point above its middle must meet the surface where the disc is.
+
+use glam::Vec3A;
+use hemimap::{Frame, square_to_disk};
+use scene::{Ray, Scene};
+
+use super::map::{SAME_NORMAL, SAME_PLANE};
+use crate::Rng;
+
+/// Tested points in a row of the square that is mapped to the disc.
+const ROW: u32 = 4;
+/// Rays that a test takes, the one to its apex included.
+pub(super) const RAYS: usize = (ROW * ROW) as usize + 1;
+
+/// Returns the share of the disc around `p`, in the plane of the unit normal `n`, that is surface of the same kind as photons must
+/// lie on to count, and visible from above; in [1/16, 1], for the point itself is there.
+///
+/// Its deviation is at most 0.06, beside a straight edge about 0.03 (16 stratified points).
+pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, seed: u64) -> f32 {
+    let frame = Frame::from_normal(n);
+    let mut rng = Rng::new(seed, 0);
+    // The apex stands as high as the disc is wide, or half way below what is in the way. Its ray starts a little above the point, which
+    // is rounded and may lie behind the surface.
+    let start = 1e-3 * radius;
+    let up = Ray { origin: p + n * start, direction: n, t_min: 0.0, t_max: radius };
+    let height = start + scene.intersect(&up).map_or(radius, |hit| 0.5 * hit.t);
+    let apex = p + n * height;
+
+    let mut covered = 0u32;
+    for cell in 0..ROW * ROW {
+        let corner = glam::Vec2::new((cell % ROW) as f32, (cell / ROW) as f32);
+        let disk = square_to_disk((corner + rng.next_2d()) / ROW as f32) * radius;
+        let way = frame.s * disk.x + frame.t * disk.y - n * height;
+        let distance = way.length();
+        let ray = Ray::new(apex, way / distance);
+        let is_there = scene.intersect(&ray).is_some_and(|hit| {
+            let surface = scene.surface(&ray, &hit);
+            surface.ng.dot(n) > SAME_NORMAL && (surface.p - p).dot(n).abs() < SAME_PLANE * radius
+        });
+        covered += u32::from(is_there);
+    }
+    covered.max(1) as f32 / (ROW * ROW) as f32
+}

@@ -1,0 +1,295 @@
+//! Shooting photons: from the lights, through the scene, into arrays.
+//!
+//! Photons carry flux, W. Two things differ from paths that carry radiance (Veach 1997, chapter 5): refraction does not scale flux by the
+//! square of the index, and where the shading normal is not the geometric one, a surface scatters by
+//!
+//! ```text
+//! f |cos(wi, n)| / pdf * (|cos(in, n)| |cos(out, ng)|) / (|cos(in, ng)| |cos(out, n)|)
+//! ```
+//!
+//! The ratio has no bound at grazing angles; it is cut at 4, which loses a little light on coarse smoothed meshes
+//! and nothing where the normals agree.
+//!
+//! All is done in blocks of fixed size, whose results are joined in their order: so the number of threads does not matter.
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec2, Vec3, Vec3A};
+use hemimap::Frame;
+use rayon::prelude::*;
+use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
+use serde::{Deserialize, Serialize};
+
+use super::guide::{Guide, Pilot};
+use crate::{Rng, Sampler, hash_pair};
+
+/// Photons of one task.
+const BLOCK: u32 = 4096;
+/// A photon that has scattered so often is stopped, and its flux counted.
+const MAX_BOUNCES: u32 = 1000;
+/// From here on a photon survives with at most `MAX_SURVIVAL`, so that it ends between perfect mirrors too.
+const CAPPED_FROM: u32 = 8;
+const MAX_SURVIVAL: f32 = 0.99;
+/// Greatest correction for a shading normal.
+const MAX_CORRECTION: f32 = 4.0;
+
+/// Pilots of one round, and the rounds of learning; a round that finds less than `ENOUGH_USEFUL` is shot up to `MAX_REPEATS` times.
+const PILOTS: u32 = 1 << 15;
+const ROUNDS: u64 = 3;
+const ENOUGH_USEFUL: usize = 512;
+const MAX_REPEATS: u64 = 32;
+
+/// Which photons are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// At diffuse surfaces after at least one bounce of any kind: all light but that which comes straight.
+    Global,
+    /// At diffuse surfaces after at least one mirror or glass and nothing else; the photon ends at the first other surface.
+    Caustic,
+}
+
+/// Photons at surfaces, as arrays.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Photons {
+    /// Metres, world space.
+    pub(super) positions: Vec<[f32; 3]>,
+    /// Geometric normals on the side from which the photons came.
+    pub(super) normals: Vec<Vec3A>,
+    /// W.
+    pub(super) flux: Vec<Vec3>,
+}
+
+impl Photons {
+    pub(super) fn len(&self) -> usize {
+        self.flux.len()
+    }
+
+    fn push(&mut self, surface: &Surface, flux: Vec3) {
+        self.positions.push(surface.p.to_array());
+        self.normals.push(surface.ng);
+        self.flux.push(flux);
+    }
+
+    fn append(&mut self, other: &mut Self) {
+        self.positions.append(&mut other.positions);
+        self.normals.append(&mut other.normals);
+        self.flux.append(&mut other.flux);
+    }
+
+    pub(super) fn memory_bytes(&self) -> u64 {
+        (self.len() * (size_of::<[f32; 3]>() + size_of::<Vec3A>() + size_of::<Vec3>())) as u64
+    }
+}
+
+/// Where the flux went, W by channel: emitted = absorbed + escaped + stopped + roulette, but for rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FluxBalance {
+    /// Sent out by the lights.
+    pub emitted: DVec3,
+    /// Lost at surfaces and in glass.
+    pub absorbed: DVec3,
+    /// Left the scene.
+    pub escaped: DVec3,
+    /// Ended at the limit of bounces, or (caustic photons) at the surface that keeps them.
+    pub stopped: DVec3,
+    /// Ended by chance, less what the survivors gained for it: 0 in expectation.
+    pub roulette: DVec3,
+}
+
+impl FluxBalance {
+    fn add(&mut self, other: &Self) {
+        self.emitted += other.emitted;
+        self.absorbed += other.absorbed;
+        self.escaped += other.escaped;
+        self.stopped += other.stopped;
+        self.roulette += other.roulette;
+    }
+}
+
+/// What was shot.
+#[derive(Debug, Default)]
+pub(super) struct Shot {
+    pub(super) photons: Photons,
+    pub(super) balance: FluxBalance,
+    /// Photons that were kept at least once.
+    pub(super) useful: u64,
+    pub(super) rays: u64,
+}
+
+/// Shoots `count` photons, aimed by what pilots found; none where the scene has no light that could shoot.
+pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
+    if scene.lights().is_empty() || count == 0 {
+        return Shot::default();
+    }
+    let (guide, pilot_rays) = aim(scene, kind, seed);
+    let scale = 1.0 / count as f32;
+    let shots = blocks(count, |indices| {
+        let mut shot = Shot::default();
+        for index in indices {
+            let mut source = Source::new(hash_pair(seed, 0), index);
+            if let Some((_, ray, flux)) = source.emit(scene, &guide, scale) {
+                let kept = shot.follow(scene, kind, ray, flux, &mut source.rng);
+                shot.useful += u64::from(kept > 0);
+            }
+        }
+        shot
+    });
+    let mut all = Shot { rays: pilot_rays, ..Shot::default() };
+    for mut shot in shots {
+        all.photons.append(&mut shot.photons);
+        all.balance.add(&shot.balance);
+        all.useful += shot.useful;
+        all.rays += shot.rays;
+    }
+    all
+}
+
+/// Learns in a few rounds where to aim; returns the rays that it took too.
+fn aim(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
+    let mut rays = 0;
+    let mut guide = Guide::uniform();
+    for round in 1..=ROUNDS {
+        let mut pilots = Vec::new();
+        for repeat in 0..MAX_REPEATS {
+            let stream = hash_pair(seed, hash_pair(round, repeat));
+            for (found, traced) in blocks(PILOTS, |indices| pilot_block(scene, kind, &guide, stream, indices)) {
+                pilots.extend(found);
+                rays += traced;
+            }
+            if pilots.len() >= ENOUGH_USEFUL {
+                break;
+            }
+        }
+        if pilots.is_empty() {
+            break;
+        }
+        guide = Guide::learn(pilots);
+    }
+    (guide, rays)
+}
+
+/// Shoots pilots; returns those that were kept, and the number of rays.
+fn pilot_block(scene: &Scene, kind: Kind, guide: &Guide, seed: u64, indices: Range<u32>) -> (Vec<Pilot>, u64) {
+    let mut shot = Shot::default();
+    let mut pilots = Vec::new();
+    for index in indices {
+        let mut source = Source::new(seed, index);
+        if let Some((u, ray, flux)) = source.emit(scene, guide, 1.0) {
+            let kept = shot.follow(scene, kind, ray, flux, &mut source.rng);
+            if kept > 0 {
+                pilots.push(Pilot { u, score: f64::from(flux.max_element()) * f64::from(kept) });
+            }
+        }
+    }
+    (pilots, shot.rays)
+}
+
+/// Runs `work` over blocks of photons in parallel and returns the results in the order of the blocks.
+fn blocks<T: Send>(count: u32, work: impl Fn(Range<u32>) -> T + Sync) -> Vec<T> {
+    (0..count.div_ceil(BLOCK))
+        .into_par_iter()
+        .map(|block| work(block * BLOCK..count.min(block * BLOCK + BLOCK)))
+        .collect()
+}
+
+/// The random numbers of one photon: a low-discrepancy point for its start, unrelated ones for its way.
+struct Source {
+    start: Sampler,
+    rng: Rng,
+}
+
+impl Source {
+    fn new(seed: u64, index: u32) -> Self {
+        Self { start: Sampler::new(seed, 0, index), rng: Rng::new(seed, u64::from(index)) }
+    }
+
+    /// Returns the numbers that made a photon, its ray and its flux.
+    fn emit(&mut self, scene: &Scene, guide: &Guide, scale: f32) -> Option<([f32; 5], Ray, Vec3)> {
+        let [choice, cell, x, y] = self.start.next_4d();
+        let [z, w, ..] = self.start.next_4d();
+        let (u, density) = guide.sample(cell, [choice, x, y, z, w]);
+        let [choice, x, y, z, w] = u;
+        let emission = scene.lights().emit(choice, Vec2::new(x, y), Vec2::new(z, w))?;
+        let flux = emission.flux * (scale / density);
+        (flux.is_finite() && flux != Vec3::ZERO).then_some((u, emission.ray, flux))
+    }
+}
+
+impl Shot {
+    /// Follows a photon to its end and keeps it where its kind says so. Returns how often it was kept.
+    fn follow(&mut self, scene: &Scene, kind: Kind, mut ray: Ray, mut flux: Vec3, rng: &mut Rng) -> u32 {
+        let balance = &mut self.balance;
+        balance.emitted += flux.as_dvec3();
+        let mut kept = 0;
+        for bounce in 0..MAX_BOUNCES {
+            self.rays += 1;
+            let Some(hit) = scene.intersect(&ray) else {
+                balance.escaped += flux.as_dvec3();
+                return kept;
+            };
+            let surface = scene.surface(&ray, &hit);
+            let arrived = flux * scene.transmittance(&surface);
+            balance.absorbed += flux.as_dvec3() - arrived.as_dvec3();
+            flux = arrived;
+
+            let bsdf = scene.bsdf(&surface);
+            let towards_source = -ray.direction;
+            if bounce > 0 && bsdf.has_diffuse() {
+                let received = cosine_ratio(&surface, towards_source).min(MAX_CORRECTION);
+                self.photons.push(&surface, flux * received);
+                kept += 1;
+            }
+            if kind == Kind::Caustic && !has_delta(&bsdf) {
+                balance.stopped += flux.as_dvec3();
+                return kept;
+            }
+
+            let frame = Frame::from_normal(surface.n);
+            let sample = bsdf.sample(Lobes::ALL, frame.to_local(towards_source), rng.next_1d(), rng.next_2d());
+            let Some(sample) = sample else {
+                balance.absorbed += flux.as_dvec3();
+                return kept;
+            };
+            let direction = frame.to_world(sample.wi);
+            let is_through = surface.ng.dot(direction) < 0.0;
+            if is_through != sample.transmitted {
+                balance.absorbed += flux.as_dvec3();
+                return kept;
+            }
+            if kind == Kind::Caustic && !sample.delta {
+                balance.stopped += flux.as_dvec3();
+                return kept;
+            }
+            let correction = if surface.n == surface.ng {
+                1.0
+            } else {
+                (cosine_ratio(&surface, towards_source) / cosine_ratio(&surface, direction)).min(MAX_CORRECTION)
+            };
+            let scattered = flux * sample.weight * (correction / sample.radiance_scale);
+            balance.absorbed += flux.as_dvec3() - scattered.as_dvec3();
+
+            // The photon goes on with about the flux it had, or not at all.
+            let most = if bounce < CAPPED_FROM { 1.0 } else { MAX_SURVIVAL };
+            let survival = (scattered.max_element() / flux.max_element()).min(most);
+            if !(rng.next_1d() < survival) {
+                balance.roulette += scattered.as_dvec3();
+                return kept;
+            }
+            flux = scattered / survival;
+            balance.roulette += scattered.as_dvec3() - flux.as_dvec3();
+            ray = surface.spawn(direction);
+        }
+        balance.stopped += flux.as_dvec3();
+        kept
+    }
+}
+
+fn has_delta(bsdf: &Bsdf) -> bool {
+    matches!(bsdf.specular, Specular::Mirror { .. } | Specular::Dielectric { .. })
+}
+
+/// Returns |cos(w, n)| / |cos(w, ng)|: how much more light the shading normal makes of a flux than the surface receives.
+fn cosine_ratio(surface: &Surface, w: Vec3A) -> f32 {
+    surface.n.dot(w).abs() / surface.ng.dot(w).abs().max(f32::MIN_POSITIVE)
+}
