@@ -18,7 +18,12 @@ pub(super) enum Files<'a> {
 
 impl<'a> Files<'a> {
     /// Opens a regular file of at most `limit` bytes, asked for at `place`; returns it with its size.
-    pub(super) fn open(self, path: &Path, place: Place<'_>, limit: u64) -> Result<(Box<dyn BufRead + 'a>, u64), LoadError> {
+    pub(super) fn open(
+        self,
+        path: &Path,
+        place: Place<'_>,
+        limit: u64,
+    ) -> Result<(Box<dyn BufRead + 'a>, u64), LoadError> {
         let (reader, size): (Box<dyn BufRead + 'a>, u64) = match self {
             Self::Disk => {
                 let failed = |error| cannot_open(place, path, &error);

@@ -30,7 +30,7 @@ pub(super) struct Loader<'a> {
     pub(super) description: Description,
     pub(super) warnings: Warnings,
     textures: HashMap<(PathBuf, Use), u32>,
-    objs: HashMap<PathBuf, Mesh>,
+    objs: HashMap<(PathBuf, Option<u32>), Mesh>,
     triangles: usize,
     default_material: Option<u32>,
 }
@@ -53,7 +53,8 @@ impl<'a> Loader<'a> {
 
     /// Ends the work: a scene without light gets a sky.
     pub(super) fn finish(mut self, settings: FileSettings, environment_scale: f32) -> Loaded {
-        let shining: Vec<bool> = self.description.materials.iter().map(|material| material.emission != Vec3::ZERO).collect();
+        let shining: Vec<bool> =
+            self.description.materials.iter().map(|material| material.emission != Vec3::ZERO).collect();
         let description = &mut self.description;
         let is_lit = description.environment.is_some()
             || !description.lights.is_empty()
@@ -63,7 +64,8 @@ impl<'a> Loader<'a> {
             description.environment = Some(Environment::sky());
         }
         if environment_scale != 1.0 {
-            description.environment = description.environment.take().map(|environment| environment.scaled(environment_scale));
+            description.environment =
+                description.environment.take().map(|environment| environment.scaled(environment_scale));
         }
         Loaded { description: self.description, settings, warnings: self.warnings.into_lines() }
     }
@@ -129,24 +131,28 @@ impl<'a> Loader<'a> {
         let picture = picture::read(self.files, path, place, &mut self.warnings)?;
         match picture.pixels {
             Pixels::Linear(pixels) => Ok(Environment::from_pixels(picture.width, picture.height, pixels)),
-            Pixels::Coded(..) => Err(Place::file(path).unsupported("an 8-bit picture as surroundings", "give an EXR or HDR picture")),
+            Pixels::Coded(..) => {
+                Err(Place::file(path).unsupported("an 8-bit picture as surroundings", "give an EXR or HDR picture"))
+            }
         }
     }
 
-    /// Reads an OBJ with the materials that its faces use; returns it with materials that point into the description.
-    pub(super) fn obj(&mut self, path: &Path, place: Place<'_>) -> Result<Mesh, LoadError> {
-        let key = self.files.identity(path);
+    /// Reads an OBJ with the materials that its faces use, or with one `material` for all; they point into the description.
+    pub(super) fn obj(&mut self, path: &Path, material: Option<u32>, place: Place<'_>) -> Result<Mesh, LoadError> {
+        let key = (self.files.identity(path), material);
         if let Some(mesh) = self.objs.get(&key) {
             return Ok(mesh.clone());
         }
         let Obj { mut mesh, names, libraries } = obj::read(self.files, path, place, &mut self.warnings)?;
-        let library = self.libraries(path, &libraries)?;
-        let mut indices: BTreeMap<u32, u32> = mesh.materials.iter().map(|&name| (name, 0)).collect();
-        for (&name, index) in &mut indices {
-            *index = self.named_material(&names[name as usize], &library, path)?;
-        }
-        for material in &mut mesh.materials {
-            *material = indices[material];
+        if let Some(material) = material {
+            mesh.materials.fill(material);
+        } else {
+            let library = self.libraries(path, &libraries)?;
+            let mut indices: BTreeMap<u32, u32> = mesh.materials.iter().map(|&name| (name, 0)).collect();
+            for (&name, index) in &mut indices {
+                *index = self.named_material(&names[name as usize], &library, path)?;
+            }
+            mesh.materials.iter_mut().for_each(|material| *material = indices[material]);
         }
         self.objs.insert(key, mesh.clone());
         Ok(mesh)
@@ -183,7 +189,9 @@ impl<'a> Loader<'a> {
             for name in self.library_names(path, argument) {
                 let file = self.files.resolve(path, &name);
                 if seen.len() > limits::INCLUDES {
-                    return Err(place.too_large(format!("more than {} material libraries", limits::INCLUDES), "join them"));
+                    return Err(
+                        place.too_large(format!("more than {} material libraries", limits::INCLUDES), "join them")
+                    );
                 }
                 if !seen.insert(self.files.identity(&file)) {
                     continue;
@@ -194,7 +202,11 @@ impl<'a> Loader<'a> {
                 }
                 for material in mtl::read(self.files, &file, place, &mut self.warnings)? {
                     if library.contains_key(&material.name) {
-                        let what = format!("{}: material defined twice, the last is taken: {}", Place::file(&file), quoted(&material.name));
+                        let what = format!(
+                            "{}: material defined twice, the last is taken: {}",
+                            Place::file(&file),
+                            quoted(&material.name)
+                        );
                         self.warnings.add(what);
                     }
                     library.insert(material.name.clone(), (file.clone(), material));

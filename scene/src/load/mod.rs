@@ -82,7 +82,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let settings = match extension.as_str() {
         "toml" => scene_file::read(&mut loader, path)?,
         "obj" => {
-            let mesh = loader.obj(path, place)?;
+            let mesh = loader.obj(path, None, place)?;
             loader.add_mesh(mesh, place)?;
             FileSettings::default()
         }

@@ -50,7 +50,12 @@ pub(super) struct MtlMaterial {
 }
 
 /// Reads the library `path`, which was named at `place`.
-pub(super) fn read(files: Files<'_>, path: &Path, place: Place<'_>, warnings: &mut Warnings) -> Result<Vec<MtlMaterial>, LoadError> {
+pub(super) fn read(
+    files: Files<'_>,
+    path: &Path,
+    place: Place<'_>,
+    warnings: &mut Warnings,
+) -> Result<Vec<MtlMaterial>, LoadError> {
     let (file, _) = files.open(path, place, limits::FILE_BYTES)?;
     let mut lines = Lines::new(path, file);
     let mut materials: Vec<MtlMaterial> = Vec::new();
@@ -87,7 +92,9 @@ impl MtlMaterial {
             "Ke" => self.emission = Some(value.color(f32::MAX)?),
             "Ns" => self.exponent = Some(value.number(0.0, f32::MAX)?),
             "Ni" => self.index = Some(At { value: value.number(f32::MIN, f32::MAX)?, line }),
-            "d" => self.dissolve = Some(Value { text: value.text.trim_start_matches("-halo"), ..value }.number(0.0, 1.0)?),
+            "d" => {
+                self.dissolve = Some(Value { text: value.text.trim_start_matches("-halo"), ..value }.number(0.0, 1.0)?)
+            }
             "Tr" => self.transparency = Some(value.number(0.0, 1.0)?),
             "Pr" => self.roughness = Some(value.number(0.0, 1.0)?),
             "Pm" => self.metalness = Some(value.number(0.0, 1.0)?),
@@ -152,7 +159,9 @@ fn map(rest: &str, place: Place<'_>, warnings: &mut Warnings) -> Result<Option<A
         let (least, most) = match option {
             "o" | "s" | "t" => (1, 3),
             "mm" => (2, 2),
-            "blendu" | "blendv" | "cc" | "clamp" | "bm" | "boost" | "texres" | "imfchan" | "type" | "colorspace" => (1, 1),
+            "blendu" | "blendv" | "cc" | "clamp" | "bm" | "boost" | "texres" | "imfchan" | "type" | "colorspace" => {
+                (1, 1)
+            }
             _ => break,
         };
         // A name may be a number too, so the last word is never taken for an argument.
@@ -183,7 +192,8 @@ mod tests {
 
     #[test]
     fn maps_lose_their_options_and_keep_blanks() {
-        let name = |text: &str| parse(&format!("newmtl a\nmap_Kd {text}")).unwrap()[0].diffuse_map.clone().unwrap().value;
+        let name =
+            |text: &str| parse(&format!("newmtl a\nmap_Kd {text}")).unwrap()[0].diffuse_map.clone().unwrap().value;
         assert_eq!(name("-s 2 2 x.png"), "x.png", "two of three arguments");
         assert_eq!(name("-o 0.1 diffuse map.jpg"), "diffuse map.jpg", "one argument, blank in the name");
         assert_eq!(name("-s 1 1 1 -clamp on 7"), "7", "two options, a number for a name");

@@ -123,12 +123,20 @@ mod tests {
     #[test]
     fn width_is_roughness_squared_or_from_the_exponent() {
         let reflectance = Vec3::new(0.9, 0.85, 0.75);
-        for text in ["illum 3; Kd 0 0 0; Ks 0.9 0.85 0.75; Ns 198; Pr 0.316228; Pm 1", "Kd 0; Ks 0.9 0.85 0.75; Ns 198; Pm 1"] {
-            let SpecularKind::Ggx { alpha, reflectance: found, schlick } = meaning(text).specular else { panic!("{text} is rough") };
+        for text in
+            ["illum 3; Kd 0 0 0; Ks 0.9 0.85 0.75; Ns 198; Pr 0.316228; Pm 1", "Kd 0; Ks 0.9 0.85 0.75; Ns 198; Pm 1"]
+        {
+            let SpecularKind::Ggx { alpha, reflectance: found, schlick } = meaning(text).specular else {
+                panic!("{text} is rough")
+            };
             assert!((alpha - 0.1).abs() < 1e-5 && found == reflectance && !schlick, "{text}: {alpha}");
         }
         let schlick = meaning("illum 5; Kd 0; Ks 0.5; Ns 98").specular;
-        assert_eq!(schlick, SpecularKind::Ggx { alpha: 0.02_f32.sqrt(), reflectance: Vec3::splat(0.5), schlick: true }, "illum 5");
+        assert_eq!(
+            schlick,
+            SpecularKind::Ggx { alpha: 0.02_f32.sqrt(), reflectance: Vec3::splat(0.5), schlick: true },
+            "illum 5"
+        );
     }
 
     #[test]
@@ -144,9 +152,20 @@ mod tests {
 
     #[test]
     fn mirrors_are_black_and_smooth() {
-        assert_eq!(meaning("illum 3; Kd 0; Ks 0.9").specular, SpecularKind::Mirror { reflectance: Vec3::splat(0.9) }, "illum 3");
-        assert_eq!(meaning("illum 5; Kd 0; Ks 0.9; Pr 0").specular, SpecularKind::Mirror { reflectance: Vec3::splat(0.9) }, "Pr 0");
-        assert!(matches!(meaning("illum 3; Kd 0; Ks 0.9; Pr 0.5").specular, SpecularKind::Ggx { .. }), "Pr 0.5 is rough");
+        assert_eq!(
+            meaning("illum 3; Kd 0; Ks 0.9").specular,
+            SpecularKind::Mirror { reflectance: Vec3::splat(0.9) },
+            "illum 3"
+        );
+        assert_eq!(
+            meaning("illum 5; Kd 0; Ks 0.9; Pr 0").specular,
+            SpecularKind::Mirror { reflectance: Vec3::splat(0.9) },
+            "Pr 0"
+        );
+        assert!(
+            matches!(meaning("illum 3; Kd 0; Ks 0.9; Pr 0.5").specular, SpecularKind::Ggx { .. }),
+            "Pr 0.5 is rough"
+        );
         assert!(matches!(meaning("illum 3; Kd 0.5; Ks 0.4").specular, SpecularKind::Ggx { .. }), "Kd is not black");
     }
 

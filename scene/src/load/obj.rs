@@ -50,11 +50,15 @@ fn assemble(source: tobj::Mesh, faces: &[Face], path: &Path, warnings: &mut Warn
     let mut mesh = Mesh {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         positions: source.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
-        normals: source.normals.chunks_exact(3).map(|n| Vec3::from_slice(n).as_dvec3().normalize_or_zero().as_vec3()).collect(),
+        normals: source
+            .normals
+            .chunks_exact(3)
+            .map(|n| Vec3::from_slice(n).as_dvec3().normalize_or_zero().as_vec3())
+            .collect(),
         uvs: source.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
         ..Mesh::default()
     };
-    let with_normals = faces.iter().any(|face| face.has_normals);
+    let with_normals = faces.iter().any(|face| face.has_normals) && !mesh.normals.is_empty();
     let with_uvs = faces.iter().any(|face| face.has_uvs);
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     let (mut start, mut flat, mut empty) = (0, 0, 0);
@@ -66,12 +70,13 @@ fn assemble(source: tobj::Mesh, faces: &[Face], path: &Path, warnings: &mut Warn
         corners.clear();
         corners.extend(indices.iter().map(|&index| mesh.positions[index as usize]));
         if arity > limits::CONCAVE_CORNERS && polygon::needs_ears(&corners) {
-            let what = format!("a concave polygon of {arity} corners, more than the limit of {}", limits::CONCAVE_CORNERS);
+            let what =
+                format!("a concave polygon of {arity} corners, more than the limit of {}", limits::CONCAVE_CORNERS);
             return Err(Place::line(path, face.line as usize).too_large(what, "split it"));
         }
         triangles.clear();
         empty += usize::from(!polygon::triangulate(&corners, &mut triangles));
-        let normals = face.has_normals.then(|| &source.normal_indices[range.clone()]);
+        let normals = (face.has_normals && with_normals).then(|| &source.normal_indices[range.clone()]);
         let normals = normals.filter(|indices| indices.iter().all(|&index| mesh.normals[index as usize] != Vec3::ZERO));
         flat += usize::from(face.has_normals && normals.is_none());
         let uvs = face.has_uvs.then(|| &source.texcoord_indices[range]);
@@ -87,7 +92,7 @@ fn assemble(source: tobj::Mesh, faces: &[Face], path: &Path, warnings: &mut Warn
             }
         }
     }
-    warnings.add_times(format!("{file}: faces with normals of length zero taken as flat"), flat);
+    warnings.add_times(format!("{file}: faces with missing normals or normals of length zero taken as flat"), flat);
     warnings.add_times(format!("{file}: polygons without area left out"), empty);
     if faces.is_empty() {
         return Err(file.invalid("no faces", "give a file with polygons ('f' lines)"));

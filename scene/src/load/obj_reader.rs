@@ -83,11 +83,15 @@ impl<'a> ObjReader<'a> {
     }
 
     /// Checks, after the last line, that all indices point at something: they may point ahead.
+    ///
+    /// Files whose faces name normals of which there is not one are common; those faces are flat.
     pub(super) fn check_indices(&self) -> Result<(), LoadError> {
-        let all = [(&self.positions, "vertex", "vertices"), (&self.uvs, "texture coordinate", "of them"), (&self.normals, "normal", "of them")];
-        for (counted, one, many) in all {
-            if counted.asked > counted.count {
-                let what = format!("{one} index {} is out of range, the file has {} {many}", counted.asked, counted.count);
+        for (counted, kind) in
+            [(&self.positions, "vertex"), (&self.uvs, "texture coordinate"), (&self.normals, "normal")]
+        {
+            let none_at_all = kind == "normal" && counted.count == 0;
+            if counted.asked > counted.count && !none_at_all {
+                let what = format!("{kind} index {} is out of range, the file has {}", counted.asked, counted.count);
                 return Err(Place::line(self.place().file, counted.line).invalid(what, "correct the index"));
             }
         }
@@ -132,7 +136,9 @@ impl<'a> ObjReader<'a> {
                     let name = rest.trim().to_owned();
                     let place = self.place();
                     check_name(&name, place)?;
-                    if self.libraries.len() >= limits::INCLUDES && !self.libraries.iter().any(|(known, _)| *known == name) {
+                    if self.libraries.len() >= limits::INCLUDES
+                        && !self.libraries.iter().any(|(known, _)| *known == name)
+                    {
                         let what = format!("more than {} material libraries", limits::INCLUDES);
                         return Err(place.too_large(what, "join them"));
                     }
@@ -176,9 +182,13 @@ impl<'a> ObjReader<'a> {
         for corner in self.out[1..].split_ascii_whitespace() {
             corners += 1;
             let mut parts = corner.split('/');
-            let (v, vt, vn) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+            let (v, vt, vn) =
+                (parts.next().unwrap_or_default(), parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
             if parts.next().is_some() {
-                return Err(place.invalid(format!("{} has more than three indices", quoted(corner)), "write vertex/texture/normal"));
+                return Err(place.invalid(
+                    format!("{} has more than three indices", quoted(corner)),
+                    "write vertex/texture/normal",
+                ));
             }
             self.positions.ask(v, "vertex", place)?;
             has_uvs &= !vt.is_empty();
@@ -211,7 +221,8 @@ impl Counted {
     /// Checks an index from a face: 1 is the first, -1 the last so far.
     fn ask(&mut self, text: &str, kind: &str, place: Place<'_>) -> Result<(), LoadError> {
         let advice = "indices count from 1, or from -1 backwards";
-        let index: i64 = text.parse().map_err(|_| place.invalid(format!("{} is not a {kind} index", quoted(text)), advice))?;
+        let index: i64 =
+            text.parse().map_err(|_| place.invalid(format!("{} is not a {kind} index", quoted(text)), advice))?;
         if index == 0 {
             return Err(place.invalid(format!("{kind} index 0"), advice));
         }
@@ -283,11 +294,11 @@ impl Read for ObjReader<'_> {
 
 impl BufRead for ObjReader<'_> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.taken == self.out.len() {
-            if let Err(error) = self.advance() {
-                self.error = Some(error);
-                return Err(io::ErrorKind::InvalidData.into());
-            }
+        if self.taken == self.out.len()
+            && let Err(error) = self.advance()
+        {
+            self.error = Some(error);
+            return Err(io::ErrorKind::InvalidData.into());
         }
         Ok(&self.out.as_bytes()[self.taken..])
     }

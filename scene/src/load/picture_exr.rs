@@ -17,7 +17,9 @@ pub(super) fn is_exr(bytes: &[u8]) -> bool {
 
 /// Decodes a file that is in memory.
 pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<Picture, LoadError> {
-    let damaged = |error: exr::error::Error| file.invalid(format!("the EXR is damaged or not supported: {error}"), "save it as a flat EXR with ZIP");
+    let damaged = |error: exr::error::Error| {
+        file.invalid(format!("the EXR is damaged or not supported: {error}"), "save it as a flat EXR with ZIP")
+    };
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
     for header in &meta.headers {
         check_header(header, bytes.len(), file)?;
@@ -53,12 +55,13 @@ pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<Picture, LoadError
 /// Refuses what would take too much memory, and compression that is too young to be trusted with hostile files.
 fn check_header(header: &Header, packed: usize, file: Place<'_>) -> Result<(), LoadError> {
     let Size(width, height) = header.layer_size;
-    let sample_bytes: u64 = header.channels.list.iter().map(|channel| channel.sample_type.bytes_per_sample() as u64).sum();
+    let sample_bytes: u64 =
+        header.channels.list.iter().map(|channel| channel.sample_type.bytes_per_sample() as u64).sum();
     check_size(width as u64, height as u64, sample_bytes.max(1), packed, file)?;
     // Twelve bytes a pixel are ours.
     check_size(width as u64, height as u64, 12, packed, file)?;
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        return Err(file.unsupported(format!("{} compression", header.compression), "save the EXR with ZIP"));
+        return Err(file.unsupported("DWA compression", "save the EXR with ZIP"));
     }
     Ok(())
 }
@@ -73,6 +76,7 @@ fn no_rgb(meta: &MetaData, file: Place<'_>) -> LoadError {
     }
     let names = meta.headers.iter().flat_map(|header| &header.channels.list).map(|channel| channel.name.to_string());
     let names: Vec<String> = names.take(12).collect();
-    let what = format!("no channels R, G and B, but {}", if names.is_empty() { "none".to_owned() } else { names.join(", ") });
+    let what =
+        format!("no channels R, G and B, but {}", if names.is_empty() { "none".to_owned() } else { names.join(", ") });
     file.unsupported(what, "save the EXR in RGB")
 }

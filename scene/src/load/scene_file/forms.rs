@@ -1,7 +1,7 @@
 //! Free forms of a scene file.
 
 use freeform::{FormError, FreeForm, Perturbation, Psi, Quadric, Solid};
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use toml::Spanned;
 
 use super::Source;
@@ -10,10 +10,17 @@ use super::values::Point;
 use crate::load::error::LoadError;
 
 /// Makes the solid of a `[[form]]`, before its transformation.
-pub(super) fn solid(table: &Spanned<FormTable>, transform: Option<&DAffine3>, source: &Source) -> Result<Solid, LoadError> {
+pub(super) fn solid(table: &Spanned<FormTable>, source: &Source) -> Result<Solid, LoadError> {
     let FormTable { origin, quadric, perturbations, union, psi, .. } = table.get_ref();
-    let shape = Shape { span: table.span(), origin: *origin, quadric: quadric.as_ref(), perturbations, union: union.as_deref(), psi: *psi };
-    shape.solid(transform, source)
+    let shape = Shape {
+        span: table.span(),
+        origin: *origin,
+        quadric: quadric.as_ref(),
+        perturbations,
+        union: union.as_deref(),
+        psi: *psi,
+    };
+    shape.solid(source)
 }
 
 /// What forms and parts of unions have in common.
@@ -27,7 +34,7 @@ struct Shape<'a> {
 }
 
 impl Shape<'_> {
-    fn solid(&self, transform: Option<&DAffine3>, source: &Source) -> Result<Solid, LoadError> {
+    fn solid(&self, source: &Source) -> Result<Solid, LoadError> {
         let place = source.place(self.span.clone());
         match (self.quadric, self.union) {
             (Some(base), None) => {
@@ -42,7 +49,6 @@ impl Shape<'_> {
                 let perturbations = self.perturbations.iter().map(perturbation).collect::<Result<_, LoadError>>()?;
                 let origin = self.origin.map_or(DVec3::ZERO, |point| point.0);
                 let form = FreeForm::with_origin(origin, base, perturbations);
-                let form = form.and_then(|form| transform.map_or(Ok(form.clone()), |transform| form.transformed(transform)));
                 form.map(Solid::Form).map_err(|error| refused(&error, self.span.clone(), source))
             }
             (None, Some(parts)) => {
@@ -52,13 +58,24 @@ impl Shape<'_> {
                 let part = |part: &Spanned<PartTable>| {
                     let PartTable { origin, quadric, perturbations, union, psi } = part.get_ref();
                     let union = union.as_deref();
-                    Shape { span: part.span(), origin: *origin, quadric: quadric.as_ref(), perturbations, union, psi: *psi }.solid(transform, source)
+                    Shape {
+                        span: part.span(),
+                        origin: *origin,
+                        quadric: quadric.as_ref(),
+                        perturbations,
+                        union,
+                        psi: *psi,
+                    }
+                    .solid(source)
                 };
                 let parts = parts.iter().map(part).collect::<Result<_, LoadError>>()?;
-                Solid::union(self.psi.unwrap_or_default(), parts).map_err(|error| refused(&error, self.span.clone(), source))
+                Solid::union(self.psi.unwrap_or_default(), parts)
+                    .map_err(|error| refused(&error, self.span.clone(), source))
             }
             (Some(_), Some(_)) => Err(place.invalid("both a quadric and a union", "keep one")),
-            (None, None) => Err(place.invalid("a form without a quadric", "write quadric = { sphere = { ... } }, or union = [...]")),
+            (None, None) => {
+                Err(place.invalid("a form without a quadric", "write quadric = { sphere = { ... } }, or union = [...]"))
+            }
         }
     }
 }
@@ -79,7 +96,7 @@ fn quadric(table: &Spanned<QuadricTable>, source: &Source) -> Result<Quadric, Lo
 }
 
 /// The error of a form at its place; its text reads `what; do this`.
-fn refused(error: &FormError, span: std::ops::Range<usize>, source: &Source) -> LoadError {
+pub(super) fn refused(error: &FormError, span: std::ops::Range<usize>, source: &Source) -> LoadError {
     let text = error.to_string();
     let (what, advice) = text.split_once("; ").unwrap_or((&text, "correct the form"));
     source.place(span).invalid(what, advice)

@@ -9,7 +9,8 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
     let message = error.message().replace('\n', ", ");
     let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
     if message.contains("recurs") {
-        return place.too_large("nested too deep", "nest tables, lists and unions less than 80 deep, put unions side by side");
+        return place
+            .too_large("nested too deep", "nest tables, lists and unions less than 80 deep, put unions side by side");
     }
     if let Some((name, known)) = unknown(&message) {
         let advice = match nearest(name, known.iter().copied()) {
@@ -62,8 +63,16 @@ mod tests {
     #[test]
     fn names_are_found_in_messages() {
         let known = vec!["eye", "at", "fov"];
-        assert_eq!(unknown("unknown field `fovv`, expected one of `eye`, `at`, `fov`"), Some(("fovv", known.clone())), "struct");
-        assert_eq!(unknown("unexpected keys in table: fovv, x, available keys: eye, at, fov"), Some(("fovv", known)), "variant");
+        assert_eq!(
+            unknown("unknown field `fovv`, expected one of `eye`, `at`, `fov`"),
+            Some(("fovv", known.clone())),
+            "struct"
+        );
+        assert_eq!(
+            unknown("unexpected keys in table: fovv, x, available keys: eye, at, fov"),
+            Some(("fovv", known)),
+            "variant"
+        );
         assert_eq!(unknown("unknown field `b`, expected `a`"), Some(("b", vec!["a"])), "one field");
         assert_eq!(unknown("missing field `a`"), None, "another message");
     }

@@ -9,11 +9,11 @@ mod values;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::FileSettings;
 use super::error::{LoadError, Place, quoted};
 use super::files::check_name;
 use super::limits;
 use super::loader::Loader;
-use super::FileSettings;
 use schema::SceneFile;
 
 /// A scene file with its text, for the lines of errors.
@@ -54,12 +54,13 @@ pub(super) fn read(loader: &mut Loader<'_>, path: &Path) -> Result<FileSettings,
         let mut ancestor = parent.as_ref().map(|(source, _)| *source);
         while let Some(source) = ancestor {
             if identities[source] == identity {
-                return Err(place.invalid(format!("{} includes itself", quoted(&path.display().to_string())), "break the circle"));
+                return Err(place
+                    .invalid(format!("{} includes itself", quoted(&path.display().to_string())), "break the circle"));
             }
             ancestor = parents[source];
         }
         if parent.is_some() && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
-            meshes.push((loader.obj(&path, place)?, parent));
+            meshes.push((loader.obj(&path, None, place)?, parent));
             continue;
         }
         if !seen.insert(identity.clone()) {
@@ -72,7 +73,9 @@ pub(super) fn read(loader: &mut Loader<'_>, path: &Path) -> Result<FileSettings,
             let path = loader.files.resolve(&source.path, name.as_ref());
             wanted.push(Wanted { path, parent: Some((index, name.span())) });
             if wanted.len() + sources.len() + meshes.len() > limits::INCLUDES {
-                return Err(source.place(name.span()).too_large(format!("more than {} files", limits::INCLUDES), "join them"));
+                return Err(source
+                    .place(name.span())
+                    .too_large(format!("more than {} files", limits::INCLUDES), "join them"));
             }
         }
         parents.push(parent.map(|(source, _)| source));
@@ -93,7 +96,9 @@ fn parse(loader: &Loader<'_>, path: PathBuf, place: Place<'_>) -> Result<Source,
         let line = valid.iter().filter(|&&byte| byte == b'\n').count() + 1;
         Place::line(&path, line).invalid("it is not text in UTF-8", "save the scene file in UTF-8")
     })?;
-    let scene: SceneFile = toml::from_str(text.trim_start_matches('\u{feff}')).map_err(|error| message::translate(&error, &text, Place::file(&path)))?;
+    let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
+    let scene: SceneFile =
+        toml::from_str(&text).map_err(|error| message::translate(&error, &text, Place::file(&path)))?;
     let source = Source { path, text, scene };
     if let Some(version) = source.scene.version.as_ref().filter(|version| *version.get_ref() != 1) {
         let what = format!("version {} of the scene file, only 1 is known", version.get_ref());

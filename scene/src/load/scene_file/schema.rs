@@ -7,8 +7,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::values::{
-    Alpha, Amount, Angles, Coefficients, Direction, Exposure, Factor, FieldOfView, FilmSize, Fraction, Index, Length, Point, Quality, Radii, Real,
-    Scale, Share, Uv,
+    Alpha, Amount, Angles, Coefficients, Direction, Exposure, Factor, FieldOfView, FilmSize, Fraction, Index, Length,
+    Point, Quality, Radii, Real, Scale, Share, Uv,
 };
 
 /// A whole file.

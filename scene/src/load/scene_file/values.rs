@@ -47,7 +47,8 @@ impl Numbers {
     /// `N` numbers, all in `[least, most]`.
     fn array<const N: usize>(self, least: f64, most: f64) -> Result<[f64; N], String> {
         let count = self.0.len();
-        let array: [f64; N] = self.0.try_into().map_err(|_| format!("{count} numbers where {N} are needed; give {N}"))?;
+        let array: [f64; N] =
+            self.0.try_into().map_err(|_| format!("{count} numbers where {N} are needed; give {N}"))?;
         match array.iter().position(|x| !(least..=most).contains(x)) {
             None => Ok(array),
             Some(i) => {
@@ -73,6 +74,12 @@ fn range(least: f64, most: f64) -> String {
         (_, HUGE) => format!("give a finite number of at least {least:?}"),
         _ => format!("give numbers from {least:?} to {most:?}"),
     }
+}
+
+/// A number in the precision that scenes have; the bounds above keep it finite.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to the nearest is meant")]
+fn single(x: f64) -> f32 {
+    x as f32
 }
 
 /// Declares a type that is read from [`Numbers`] by a function.
@@ -106,7 +113,7 @@ numbers! {
         direction.try_normalize().ok_or_else(|| "a direction of length zero; give one that points somewhere".to_owned())
     };
     /// Texture coordinates.
-    Uv(Vec2) = |n| n.array::<2>(-limits::COORDINATE, limits::COORDINATE).map(|[u, v]| Vec2::new(u as f32, v as f32));
+    Uv(Vec2) = |n| n.array::<2>(-limits::COORDINATE, limits::COORDINATE).map(|[u, v]| Vec2::new(single(u), single(v)));
     /// Three radii.
     Radii(DVec3) = |n| n.triple(1e-9, limits::COORDINATE);
     /// A factor for each axis; negative ones mirror.
@@ -121,19 +128,19 @@ numbers! {
     /// Light, linear RGB, or an absorption coefficient.
     Amount(Vec3) = |n| n.triple(0.0, MOST).map(|v| v.as_vec3());
     /// A share that has no colour.
-    Fraction(f32) = |n| n.array::<1>(0.0, 1.0).map(|[x]| x as f32);
+    Fraction(f32) = |n| n.array::<1>(0.0, 1.0).map(|[x]| single(x));
     /// A microfacet width.
-    Alpha(f32) = |n| n.array::<1>(1e-3, 1.0).map(|[x]| x as f32);
+    Alpha(f32) = |n| n.array::<1>(1e-3, 1.0).map(|[x]| single(x));
     /// A refractive index.
-    Index(f32) = |n| n.array::<1>(0.1, 10.0).map(|[x]| x as f32);
+    Index(f32) = |n| n.array::<1>(0.1, 10.0).map(|[x]| single(x));
     /// An angle of view, degrees.
-    FieldOfView(f32) = |n| n.array::<1>(0.01, 179.0).map(|[x]| x as f32);
+    FieldOfView(f32) = |n| n.array::<1>(0.01, 179.0).map(|[x]| single(x));
     /// A factor for light.
-    Factor(f32) = |n| n.array::<1>(0.0, 1e30).map(|[x]| x as f32);
+    Factor(f32) = |n| n.array::<1>(0.0, 1e30).map(|[x]| single(x));
     /// An exposure, in stops.
-    Exposure(f32) = |n| n.array::<1>(-100.0, 100.0).map(|[x]| x as f32);
+    Exposure(f32) = |n| n.array::<1>(-100.0, 100.0).map(|[x]| single(x));
     /// A quality.
-    Quality(f32) = |n| n.array::<1>(1e-3, 1e3).map(|[x]| x as f32);
+    Quality(f32) = |n| n.array::<1>(1e-3, 1e3).map(|[x]| single(x));
     /// Any finite number.
     Real(f64) = |n| n.array::<1>(-MOST, MOST).map(|[x]| x);
     /// A length, metres.
