@@ -8,7 +8,7 @@ use std::str::FromStr;
 use integrator::metrics::{self, DEFAULT_PIXELS_PER_DEGREE, Flip, Image, RatioOfMeans, RelMse};
 
 use crate::encode::png_of_codes;
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, note, print};
 use crate::files;
 use crate::images::{self, Picture};
 
@@ -41,6 +41,20 @@ enum Measure {
     Ratio,
 }
 
+impl Measure {
+    const ALL: [Self; 4] = [Self::RelMse, Self::Robust, Self::Flip, Self::Ratio];
+
+    /// The name on the command line.
+    fn name(self) -> &'static str {
+        match self {
+            Self::RelMse => "relmse",
+            Self::Robust => "robust",
+            Self::Flip => "flip",
+            Self::Ratio => "ratio",
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limit {
     measure: Measure,
@@ -53,13 +67,7 @@ impl FromStr for Limit {
     fn from_str(text: &str) -> Result<Self, String> {
         let parse = || {
             let (name, most) = text.split_once('=')?;
-            let measure = match name {
-                "relmse" => Measure::RelMse,
-                "robust" => Measure::Robust,
-                "flip" => Measure::Flip,
-                "ratio" => Measure::Ratio,
-                _ => return None,
-            };
+            let measure = Measure::ALL.into_iter().find(|measure| measure.name() == name)?;
             let most = most.parse().ok().filter(|most: &f64| *most >= 0.0)?;
             Some(Self { measure, most })
         };
@@ -95,8 +103,12 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode, Failure> {
         files::write_all(&[(diff, png_of_codes(a.size, &codes)?)])?;
     }
     print(&found.table())?;
-    let over = args.max.iter().any(|limit| !found.within(limit));
-    Ok(if over { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    let mut code = ExitCode::SUCCESS;
+    for limit in args.max.iter().filter(|limit| !found.within(limit)) {
+        note(&format!("{names}: {} is above {}, or pixels are not finite", limit.measure.name(), limit.most));
+        code = ExitCode::FAILURE;
+    }
+    Ok(code)
 }
 
 fn measure(image: &Image, reference: &Image, decoded: &Picture) -> Result<Comparison, metrics::MetricsError> {

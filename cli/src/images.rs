@@ -206,3 +206,57 @@ fn damaged(path: &Path, error: &dyn Display) -> Failure {
 fn refuse(path: &Path, what: impl Display, advice: &str) -> Failure {
     Failure::Input(format!("{}: {what}; {advice}", path.display()))
 }
+
+#[cfg(test)]
+mod tests {
+    use integrator::Film;
+
+    use super::*;
+    use crate::encode::{self, Origin};
+
+    #[test]
+    fn an_exr_comes_back_bit_for_bit() {
+        let mut film = Film::new(UVec2::new(3, 2));
+        film.direct[4] = Vec3::new(-1.5, 1e20, 1e-20);
+        film.emitted[1] = Vec3::new(f32::NAN, f32::INFINITY, 0.25);
+        let origin = Origin { command: "freelux render", seed: 3 };
+        let bytes = encode::exr(&film, &film.picture(), None, &origin).unwrap();
+        let picture = decode(Path::new("a.exr"), &bytes).unwrap();
+        assert_eq!((picture.size, picture.format), (film.size, Format::Exr), "size and format");
+        let bits = |pixels: &[Vec3]| pixels.iter().map(|pixel| pixel.to_array().map(f32::to_bits)).collect::<Vec<_>>();
+        assert_eq!(bits(&picture.pixels), bits(&film.picture()), "negative and broken values too");
+        assert_eq!(bytes, encode::exr(&film, &film.picture(), None, &origin).unwrap(), "the same bytes again");
+    }
+
+    #[test]
+    fn codes_of_8_and_16_bits_mean_the_same_light() {
+        let encoded = |picture: DynamicImage| {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
+            decode(Path::new("a.png"), bytes.get_ref()).unwrap().pixels[0].x
+        };
+        let eight = encoded(image::GrayImage::from_pixel(1, 1, image::Luma([128])).into());
+        let sixteen =
+            encoded(DynamicImage::ImageLuma16(image::ImageBuffer::from_pixel(1, 1, image::Luma([128 * 257]))));
+        assert!((eight - 0.215_861).abs() < 1e-5, "code 128 is {eight}");
+        assert!((eight - sixteen).abs() < 1e-6, "{eight} and {sixteen}");
+    }
+
+    #[test]
+    fn sizes_are_refused_before_memory_is_taken() {
+        let size = |width, height, packed| check_size(Path::new("a"), width, height, 12, packed).is_ok();
+        assert!(size(1, 1, 60) && size(16_384, 16_384, 1 << 20), "one pixel, and as many as may be");
+        assert!(!size(0, 7, 60) && !size(16_385, 16_384, 1 << 20), "none, and more than may be");
+        assert!(!size(16_384, 16_384, 355) && !size(u64::MAX, u64::MAX, 60), "a bomb, and no overflow");
+    }
+
+    #[test]
+    fn other_files_are_refused_by_name() {
+        for bytes in [&b""[..], b"hello", b"GIF89a", b"\x89PNG\r\n\x1a\n", b"#?RADIANCE\n\n-Y 1 +X 0\n", b"v/1\x01"] {
+            let Err(Failure::Input(line)) = decode(Path::new("a.bin"), bytes) else {
+                panic!("{bytes:?} is no picture");
+            };
+            assert!(line.starts_with("a.bin: ") && line.contains("; "), "{line}");
+        }
+    }
+}

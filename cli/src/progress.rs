@@ -30,7 +30,7 @@ impl Reporter {
         if quiet {
             Self::Quiet
         } else if stderr().is_terminal() && !dumb {
-            let style = ProgressStyle::with_template("{prefix:>12} [{bar:40}] {percent:>3} % {elapsed}")
+            let style = ProgressStyle::with_template("{prefix:>12} [{bar:40}] {percent:>3} %  {eta} left")
                 .expect("the template is right")
                 .progress_chars("=> ");
             let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
@@ -55,8 +55,8 @@ impl Reporter {
                 let mut phase = phase.lock().unwrap_or_else(PoisonError::into_inner);
                 if *phase != progress.phase {
                     *phase = progress.phase;
+                    bar.set_prefix(progress.phase);
                     bar.reset();
-                    bar.set_prefix(progress.phase.to_owned());
                 }
                 drop(phase);
                 #[expect(

@@ -38,6 +38,7 @@ fn a_limit_that_is_passed_gives_exit_code_1() {
     let folder = folder();
     let run = compare(folder.path(), GLOSSY, CORNELL, &["--max", "robust=0.001"]);
     assert_eq!(run.code, Some(1), "{run:?}");
+    assert!(run.stderr.lines().count() == 1 && run.stderr.contains("robust is above 0.001"), "and it is said: {run:?}");
     assert!(value(&run, "relMSE robust ") > 0.001, "the table is printed all the same: {run:?}");
     compare(folder.path(), GLOSSY, CORNELL, &["--max", "robust=1000"]).expect_done();
 }

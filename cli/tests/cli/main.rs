@@ -5,4 +5,5 @@ mod common;
 mod compare;
 #[cfg(target_os = "linux")]
 mod hostile;
+mod readme;
 mod render;
