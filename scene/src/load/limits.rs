@@ -11,7 +11,9 @@ pub const NAME_BYTES: usize = 4096;
 /// Pixels of a picture or a film.
 pub const PIXELS: u64 = 1 << 28;
 /// Width and height of a film.
-pub const FILM_SIDE: u32 = 1 << 16;
+pub const FILM_SIDE: u32 = 1 << 14;
+/// Samples a pixel.
+pub const SPP: u32 = 1 << 20;
 /// Triangles of a scene.
 pub const TRIANGLES: usize = 1 << 28;
 /// Corners of one polygon.

@@ -65,7 +65,7 @@ pub(super) fn build(loader: &mut Loader<'_>, sources: &[Source]) -> Result<FileS
         size: film.and_then(|film| film.size).map(|size| size.0),
         exposure: film.and_then(|film| film.exposure).map(|exposure| exposure.0),
         quality: render.and_then(|render| render.quality).map(|quality| quality.0),
-        spp: render.and_then(|render| render.spp).map(Into::into),
+        spp: render.and_then(|render| render.spp).map(|spp| spp.0),
         seed: render.and_then(|render| render.seed),
     })
 }

@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use super::values::{
     Alpha, Amount, Angles, Coefficients, Direction, Exposure, Factor, FieldOfView, FilmSize, Fraction, Index, Length,
-    Point, Quality, Radii, Real, Scale, Share, Uv,
+    Point, Quality, Radii, Real, Scale, Share, Spp, Uv,
 };
 
 /// A whole file.
@@ -38,7 +38,7 @@ pub(super) struct FilmTable {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RenderTable {
     pub(super) quality: Option<Quality>,
-    pub(super) spp: Option<std::num::NonZeroU32>,
+    pub(super) spp: Option<Spp>,
     pub(super) seed: Option<u64>,
 }
 

@@ -141,6 +141,8 @@ numbers! {
     Exposure(f32) = |n| n.array::<1>(-100.0, 100.0).map(|[x]| single(x));
     /// A quality.
     Quality(f32) = |n| n.array::<1>(1e-3, 1e3).map(|[x]| single(x));
+    /// Samples a pixel.
+    Spp(u32) = spp;
     /// Any finite number.
     Real(f64) = |n| n.array::<1>(-MOST, MOST).map(|[x]| x);
     /// A length, metres.
@@ -151,16 +153,24 @@ numbers! {
     FilmSize(UVec2) = film_size;
 }
 
+fn spp(numbers: Numbers) -> Result<u32, String> {
+    let [spp] = numbers.array::<1>(1.0, f64::from(limits::SPP))?;
+    whole(spp).map_err(|error| format!("{error}; give samples a pixel"))
+}
+
 fn film_size(numbers: Numbers) -> Result<UVec2, String> {
-    let sides = numbers.array::<2>(1.0, f64::from(limits::FILM_SIDE))?;
-    let Some(side) = sides.iter().find(|side| side.fract() != 0.0) else {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers up to FILM_SIDE")]
-        let size = UVec2::from_array(sides.map(|side| side as u32));
-        let pixels = u64::from(size.x) * u64::from(size.y);
-        return match pixels <= limits::PIXELS {
-            true => Ok(size),
-            false => Err(format!("{pixels} pixels, more than the limit of {}; make the film smaller", limits::PIXELS)),
-        };
-    };
-    Err(format!("{side} is not a whole number; give pixels"))
+    let [width, height] = numbers.array::<2>(1.0, f64::from(limits::FILM_SIDE))?;
+    let side = |side| whole(side).map_err(|error| format!("{error}; give pixels"));
+    let size = UVec2::new(side(width)?, side(height)?);
+    let pixels = u64::from(size.x) * u64::from(size.y);
+    if pixels > limits::PIXELS {
+        return Err(format!("{pixels} pixels, more than the limit of {}; make the film smaller", limits::PIXELS));
+    }
+    Ok(size)
+}
+
+/// A number that has no fraction and is known to fit.
+fn whole(x: f64) -> Result<u32, String> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "callers bound the number")]
+    if x.fract() == 0.0 { Ok(x as u32) } else { Err(format!("{x} is not a whole number")) }
 }
