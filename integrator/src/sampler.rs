@@ -138,6 +138,7 @@ impl Rng {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells of numbers in [0, 1)")]
 mod tests {
     use super::*;
 

@@ -12,12 +12,12 @@ mod shoot;
 
 use std::time::Instant;
 
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
-use scene::Scene;
+use scene::{Scene, Surface};
 use serde::{Deserialize, Serialize};
 
-use crate::{RayCounts, hash_pair};
+use crate::{Known, RayCounts, Secondary, hash_pair};
 use coverage::covered_share;
 pub use map::Irradiance;
 use map::{IrradianceMap, Kernel, PhotonMap};
@@ -139,7 +139,7 @@ impl PhotonMaps {
     /// where it does not, and too dark within the radius of an edge, where a part of the disc is not surface.
     #[must_use]
     pub fn caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
-        self.caustic.as_ref().map_or(Vec3::ZERO, |map| map.irradiance(p, n, Kernel::Epanechnikov, None).irradiance)
+        self.caustic.as_ref().map_or(Vec3::ZERO, |map| map.irradiance(p, n, Kernel::Epanechnikov).irradiance)
     }
 
     /// Whether there is any caustic light to look up.
@@ -179,7 +179,7 @@ impl PhotonMaps {
             .map(|index| {
                 let (position, normal) = (photons.positions[index], photons.normals[index]);
                 let p = Vec3A::from(position);
-                let mut estimate = map.irradiance(p, normal, Kernel::Constant, Some(index));
+                let mut estimate = map.irradiance(p, normal, Kernel::Constant);
                 if estimate.irradiance != Vec3::ZERO {
                     let stream = hash_pair(seed, index as u64);
                     estimate.irradiance /= covered_share(scene, p, normal, estimate.radius, stream);
@@ -189,5 +189,16 @@ impl PhotonMaps {
             .collect();
         self.rays.photon += (points.len() * coverage::RAYS) as u64;
         IrradianceMap::new(points)
+    }
+}
+
+impl Secondary for PhotonMaps {
+    fn irradiance(&self, surface: &Surface, _: Vec2) -> Option<Known> {
+        let found = self.global_irradiance(surface.p, surface.ng)?;
+        Some(Known { direct: None, indirect: found.irradiance, resolution: found.radius })
+    }
+
+    fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        Self::caustic_irradiance(self, surface.p, surface.ng)
     }
 }

@@ -272,12 +272,11 @@ impl Shot {
             // The photon goes on with about the flux it had, or not at all.
             let most = if bounce < CAPPED_FROM { 1.0 } else { MAX_SURVIVAL };
             let survival = (scattered.max_element() / flux.max_element()).min(most);
-            if !(rng.next_1d() < survival) {
-                balance.roulette += scattered.as_dvec3();
+            flux = if rng.next_1d() < survival { scattered / survival } else { Vec3::ZERO };
+            balance.roulette += scattered.as_dvec3() - flux.as_dvec3();
+            if flux == Vec3::ZERO {
                 return kept;
             }
-            flux = scattered / survival;
-            balance.roulette += scattered.as_dvec3() - flux.as_dvec3();
             ray = surface.spawn(direction);
         }
         balance.stopped += flux.as_dvec3();

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each test file includes this module and uses its part")]
 
+use freeform::{FreeForm, Quadric, Solid};
 use glam::{DVec3, Vec3, Vec3A};
 use integrator::{PathTracer, Sampler, Terms, hash_pair};
 use scene::{Camera, Description, Environment, Material, Mesh, PunctualLight, Ray, Scene, SpecularKind};
@@ -44,7 +45,7 @@ impl Builder {
     /// Adds a convex polygon; counter-clockwise is the front.
     pub fn polygon(mut self, corners: &[Vec3], material: Material) -> Self {
         let index = self.material(material);
-        let count = corners.len() as u32;
+        let count = u32::try_from(corners.len()).expect("a few corners");
         let triangles: Vec<_> = (1..count - 1).map(|i| [0, i, i + 1]).collect();
         let materials = vec![index; triangles.len()];
         self.description.meshes.push(Mesh { positions: corners.to_vec(), triangles, materials, ..Mesh::default() });
@@ -67,12 +68,19 @@ impl Builder {
     }
 
     /// Adds a free form: the ball of radius 1 about the origin, or all but it.
-    pub fn unit_ball(mut self, hollow: bool, material: Material) -> Self {
-        let ball = scene::freeform::Quadric::sphere(DVec3::ZERO, 1.0).expect("a sphere");
-        let base = if hollow { ball.complement() } else { ball };
-        let form = scene::freeform::FreeForm::new(base, Vec::new()).expect("a form");
+    pub fn unit_ball(self, hollow: bool, material: Material) -> Self {
+        let ball = Quadric::sphere(DVec3::ZERO, 1.0).expect("a sphere");
+        self.form(if hollow { ball.complement() } else { ball }, material)
+    }
+
+    /// Adds a ball as a free form.
+    pub fn ball(self, centre: Vec3, radius: f64, material: Material) -> Self {
+        self.form(Quadric::sphere(centre.as_dvec3(), radius).expect("a sphere"), material)
+    }
+
+    fn form(mut self, base: Quadric, material: Material) -> Self {
+        let solid = Solid::Form(FreeForm::new(base, Vec::new()).expect("a form"));
         let material = self.material(material);
-        let solid = scene::freeform::Solid::Form(form);
         self.description.forms.push(scene::FormObject { name: String::new(), solid, material });
         self
     }
@@ -105,7 +113,7 @@ impl Builder {
 
     fn material(&mut self, material: Material) -> u32 {
         self.description.materials.push(material);
-        self.description.materials.len() as u32 - 1
+        u32::try_from(self.description.materials.len() - 1).expect("a few materials")
     }
 }
 

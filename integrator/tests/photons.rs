@@ -1,0 +1,228 @@
+//! Photon maps against closed forms, through the public interface.
+
+mod common;
+
+use std::f32::consts::{FRAC_1_PI, PI};
+
+use common::{Builder, black, glass, lambert, lamp, mirror};
+use glam::{DVec3, Vec3, Vec3A};
+use integrator::{FluxBalance, PhotonMaps, PhotonSettings, Rng};
+use scene::{Material, Scene};
+
+fn settings(count: u32) -> PhotonSettings {
+    PhotonSettings { count, caustic_count: count, seed: 3, ..PhotonSettings::default() }
+}
+
+/// Asserts that no flux was lost: to 1e-9 by the books, and within 4.5 deviations of the count for what roulette added or took.
+fn assert_balanced(balance: &FluxBalance, shot: u64, what: &str) {
+    let FluxBalance { emitted, absorbed, escaped, stopped, roulette } = *balance;
+    let difference = (emitted - absorbed - escaped - stopped - roulette).abs().max_element();
+    assert!(difference <= 1e-9 * emitted.max_element(), "{what}: {balance:?}");
+    // A photon that lives through many bounces gains or loses about its own flux at each: deviation some 3 photons.
+    let limit = 4.5 * 3.0 * emitted.max_element() / (shot as f64).sqrt();
+    assert!(roulette.abs().max_element() < limit, "{what}: roulette {roulette}");
+}
+
+#[test]
+fn flux_is_conserved() {
+    let room = |albedo| Material { diffuse: Vec3::new(albedo, 0.5 * albedo, 0.2), ..Material::default() };
+    let closed = Builder::default()
+        .cube_room(&room(0.8))
+        .square(Vec3::Z * 0.9, Vec3::NEG_Z, 0.2, lamp(3.0))
+        .ball(Vec3::new(0.3, 0.2, -0.5), 0.3, glass(1.5))
+        .build();
+    let maps = PhotonMaps::shoot(&closed, &settings(50_000));
+    let balance = maps.global_counts.balance;
+    assert_balanced(&balance, 50_000, "closed room");
+    assert_eq!(balance.escaped, DVec3::ZERO, "nothing leaves a closed room");
+    // pi L A = pi 3 0.16; the emitted flux is that of the photons that were shot, aimed by their density.
+    let emitted = balance.emitted.x / (3.0 * 0.16 * std::f64::consts::PI);
+    assert!((emitted - 1.0).abs() < 0.01, "emitted {emitted}");
+
+    let open = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 1.0, room(0.8))
+        .square(Vec3::X, Vec3::NEG_X, 1.0, mirror(0.9))
+        .point_light(Vec3::new(0.2, 0.0, 0.5), 1.0)
+        .build();
+    let maps = PhotonMaps::shoot(&open, &settings(50_000));
+    let balance = maps.global_counts.balance;
+    assert_balanced(&balance, 50_000, "open scene");
+    assert!(balance.escaped.x > 0.3 * balance.emitted.x, "half of the light goes up");
+    assert_eq!(balance.stopped, DVec3::ZERO, "no photon reaches the limit");
+}
+
+#[test]
+fn integrating_sphere_is_uniform() {
+    // rho = 0.5, R = 1, I = 1: E = rho / (1 - rho) I / R^2 = 1 everywhere, without the direct light.
+    let scene = Builder::default().unit_ball(true, lambert(0.5)).point_light(Vec3::new(0.0, 0.0, 0.6), 1.0).build();
+    let maps = PhotonMaps::shoot(&scene, &settings(200_000));
+    let mut rng = Rng::new(1, 0);
+    let (mut sum, mut worst, count) = (0.0, 0f32, 2000);
+    for _ in 0..count {
+        let p = Vec3A::new(rng.next_1d() - 0.5, rng.next_1d() - 0.5, rng.next_1d() - 0.5).normalize();
+        let found = maps.global_irradiance(p, -p).expect("photons are everywhere");
+        sum += found.irradiance.x / count as f32;
+        worst = worst.max((found.irradiance.x - 1.0).abs());
+    }
+    // 100,000 bounces of equal flux make the mean good to 0.5 %; 50 photons have a deviation of 0.144, and of thousands the worst is 4 off.
+    assert!((sum - 1.0).abs() < 0.01, "mean {sum}");
+    assert!(worst < 0.8, "worst {worst}");
+    assert!(maps.global_irradiance(Vec3A::Z, Vec3A::Z).is_none(), "no photon is on the outside");
+    assert_eq!(maps.caustic_counts.shot, 0, "no mirror, no glass");
+}
+
+#[test]
+fn corners_are_as_bright_as_the_middle() {
+    // A closed room of emitters, a = 0.5: E = pi (2 - 1) of light that is not straight, at every point. Uncorrected it
+    // would be a half at an edge and a quarter in a corner.
+    let scene = Builder::default().cube_room(&Material { diffuse: Vec3::splat(0.5), ..lamp(1.0) }).build();
+    let maps = PhotonMaps::shoot(&scene, &settings(400_000));
+    let mean = |make: &dyn Fn(f32) -> (f32, f32)| {
+        let values = (0..400).map(|i| {
+            let (x, y) = make(i as f32 / 400.0);
+            maps.global_irradiance(Vec3A::new(x, y, -1.0), Vec3A::Z).map_or(0.0, |found| found.irradiance.x)
+        });
+        values.sum::<f32>() / 400.0 * FRAC_1_PI
+    };
+    let middle = mean(&|t| (t - 0.5, (17.0 * t).fract() - 0.5));
+    let edge = mean(&|t| (0.99, 1.8 * t - 0.9));
+    // All four corners, so that more than one estimate is seen.
+    let corner = mean(&|t| {
+        let (sx, sy) = (if t < 0.5 { 1.0 } else { -1.0 }, if (2.0 * t).fract() < 0.5 { 1.0 } else { -1.0 });
+        (sx * (1.0 - 0.1 * (7.0 * t).fract()), sy * (1.0 - 0.1 * (13.0 * t).fract()))
+    });
+    assert!((middle - 1.0).abs() < 0.03, "middle {middle}");
+    assert!((edge - 1.0).abs() < 0.05, "edge {edge}");
+    assert!((corner - 1.0).abs() < 0.05, "corner {corner}");
+}
+
+#[test]
+fn mirror_equals_virtual_image() {
+    // Floor z = 0, mirror x = 0, light I = 1 at (1, 0, 1): the mirror adds r 10^-1.5 at (2, 0, 0).
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 4.0, lambert(0.5))
+        .square(Vec3::ZERO, Vec3::X, 20.0, mirror(0.8))
+        .point_light(Vec3::new(1.0, 0.0, 1.0), 1.0)
+        .build();
+    let maps = PhotonMaps::shoot(&scene, &settings(400_000));
+    let mut sum = 0.0;
+    for i in 0..100 {
+        // The closed form elsewhere: distance^2 is (1 + x)^2 + y^2 + 1.
+        let (x, y) = (1.5 + 0.01 * i as f32, 0.04 * ((7 * i) % 100) as f32 - 2.0);
+        let expected = 0.8 * ((1.0 + x).powi(2) + y * y + 1.0).powf(-1.5);
+        sum += maps.caustic_irradiance(Vec3A::new(x, y, 0.0), Vec3A::Z).x / expected / 100.0;
+    }
+    // 100 estimates of 80 photons, about half of them independent: 0.13 / sqrt(50) = 0.018.
+    assert!((sum - 1.0).abs() < 0.06, "ratio {sum}");
+    assert_eq!(maps.caustic_irradiance(Vec3A::new(2.0, 0.0, 0.0), Vec3A::NEG_Z), Vec3::ZERO, "the floor's other side");
+}
+
+#[test]
+fn two_mirrors_make_a_row() {
+    // Mirrors x = 0 and 1, light (0.5, 0, 1), r = 0.9: E(0.5, 0, 0) = sum of r^|k| (1 + k^2)^-1.5 = 1.8675305, of it 1 straight.
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 3.0, lambert(0.5))
+        .square(Vec3::ZERO, Vec3::X, 60.0, mirror(0.9))
+        .square(Vec3::X, Vec3::NEG_X, 60.0, mirror(0.9))
+        .point_light(Vec3::new(0.5, 0.0, 1.0), 1.0)
+        .build();
+    let maps = PhotonMaps::shoot(&scene, &settings(400_000));
+    let values = (0..50).map(|i| {
+        let p = Vec3A::new(0.5, 0.1 * (i as f32 / 25.0 - 1.0), 0.0);
+        maps.caustic_irradiance(p, Vec3A::Z).x
+    });
+    let mean = values.sum::<f32>() / 50.0;
+    // The segment of 0.2 holds some 20 independent estimates; the curvature over it changes E by 0.3 %.
+    assert!((mean / 0.867_530 - 1.0).abs() < 0.08, "mean {mean}");
+}
+
+#[test]
+fn caustic_photons_are_aimed_at_small_glass() {
+    // A ball of 1/50 of the room's width far from the lamp: it covers 1 in 10,000 of the lamp's directions.
+    let scene = Builder::default()
+        .cube_room(&lambert(0.5))
+        .square(Vec3::Z * 0.99, Vec3::NEG_Z, 0.02, lamp(100.0))
+        .ball(Vec3::new(0.7, 0.5, -0.9), 0.02, glass(1.5))
+        .build();
+    let counts = PhotonMaps::shoot(&scene, &settings(100_000)).caustic_counts;
+    let share = counts.useful as f64 / counts.shot as f64;
+    assert!(share > 0.4, "share of use {share}");
+    assert_balanced(&counts.balance, counts.shot, "caustic photons");
+    // Still unbiased: the flux of all shot photons is the lamp's.
+    let emitted = counts.balance.emitted.x / (100.0 * 0.0016 * std::f64::consts::PI);
+    assert!((emitted - 1.0).abs() < 0.03, "emitted {emitted}");
+}
+
+#[test]
+fn no_photons_gives_zero_and_not_nan() {
+    let in_black_box = |light: Scene| PhotonMaps::shoot(&light, &settings(20_000));
+    let maps = in_black_box(
+        Builder::default()
+            .cube_room(&black())
+            .ball(Vec3::ZERO, 0.1, mirror(1.0))
+            .point_light(Vec3::Z * 0.5, 1.0)
+            .build(),
+    );
+    assert_eq!((maps.global_counts.stored, maps.caustic_counts.stored), (0, 0), "black keeps nothing");
+    assert!(maps.global_irradiance(Vec3A::NEG_Z, Vec3A::Z).is_none(), "no estimate");
+    assert_eq!(maps.caustic_irradiance(Vec3A::NEG_Z, Vec3A::Z), Vec3::ZERO, "no caustic");
+
+    let dark = Builder::default().cube_room(&lambert(0.5)).build();
+    let maps = PhotonMaps::shoot(&dark, &settings(20_000));
+    assert_eq!((maps.global_counts.shot, maps.rays.photon), (0, 0), "no light, no photon, no pilot");
+
+    // Fewer photons than an estimate wants: it takes those that there are.
+    let lit = Builder::default().cube_room(&lambert(0.5)).point_light(Vec3::Z * 0.5, 1.0).build();
+    for count in [1, 2, 20] {
+        let maps = PhotonMaps::shoot(&lit, &settings(count));
+        let value = maps.global_irradiance(Vec3A::NEG_Z, Vec3A::Z).map_or(Vec3::ZERO, |found| found.irradiance);
+        assert!(value.is_finite() && value.cmpge(Vec3::ZERO).all(), "{count}: {value}");
+    }
+}
+
+#[test]
+fn both_maps_of_light_that_only_a_mirror_brings_agree() {
+    // A black box but for one white wall and a mirror: all that is stored came by the mirror, once in each map.
+    let scene = Builder::default()
+        .cube_room(&black())
+        .square(Vec3::Z * -0.99, Vec3::Z, 0.9, lambert(0.5))
+        .square(Vec3::Z * 0.99, Vec3::NEG_Z, 0.5, mirror(1.0))
+        .point_light(Vec3::Z * 0.5, 1.0)
+        .build();
+    let maps = PhotonMaps::shoot(&scene, &settings(200_000));
+    let (mut global, mut caustic) = (0.0, 0.0);
+    for i in 0..400 {
+        let p = Vec3A::new(0.002 * i as f32 - 0.4, 0.002 * ((37 * i) % 400) as f32 - 0.4, -0.99);
+        global += maps.global_irradiance(p, Vec3A::Z).map_or(0.0, |found| found.irradiance.x);
+        caustic += maps.caustic_irradiance(p, Vec3A::Z).x;
+    }
+    // The global map also has floor-mirror-floor light, about albedo x share seen x ... of it: bounded by a tenth.
+    assert!(caustic > 0.0 && global >= 0.95 * caustic && global < 1.2 * caustic, "{global} and {caustic}");
+}
+
+#[test]
+fn threads_do_not_matter() {
+    let scene = Builder::default()
+        .cube_room(&lambert(0.7))
+        .square(Vec3::Z * 0.9, Vec3::NEG_Z, 0.2, lamp(3.0))
+        .ball(Vec3::new(0.3, 0.2, -0.5), 0.3, glass(1.5))
+        .build();
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut maps = pool.install(|| PhotonMaps::shoot(&scene, &settings(30_000)));
+        maps.global_counts.seconds = 0.0;
+        maps.caustic_counts.seconds = 0.0;
+        let mut rng = Rng::new(9, 0);
+        let lookups: Vec<_> = (0..500)
+            .map(|_| {
+                let p = Vec3A::new(2.0 * rng.next_1d() - 1.0, 2.0 * rng.next_1d() - 1.0, -1.0);
+                (maps.global_irradiance(p, Vec3A::Z), maps.caustic_irradiance(p, Vec3A::Z))
+            })
+            .collect();
+        (maps.global_counts, maps.caustic_counts, lookups)
+    };
+    let one = with_threads(1);
+    assert!(one.2.iter().any(|(_, caustic)| caustic.x > 0.1 * PI), "the ball throws a caustic");
+    assert_eq!(one, with_threads(2), "two threads");
+    assert_eq!(one, with_threads(3), "three threads");
+}
