@@ -125,7 +125,7 @@ pub(crate) fn exr_meta(path: &Path, bytes: &[u8]) -> Result<MetaData, Failure> {
 
 fn decode_exr(path: &Path, bytes: &[u8]) -> Result<Picture, Failure> {
     let meta = exr_meta(path, bytes)?;
-    if !meta.headers.iter().any(|header| !header.deep && has_rgb(header)) {
+    if !has_rgb(&meta) {
         let names =
             meta.headers.iter().flat_map(|header| &header.channels.list).map(|channel| channel.name.to_string());
         let names: Vec<String> = names.take(12).collect();
@@ -153,8 +153,11 @@ fn decode_exr(path: &Path, bytes: &[u8]) -> Result<Picture, Failure> {
     Ok(Picture { size, pixels: image.layer_data.channel_data.pixels.1, format: Format::Exr })
 }
 
-fn has_rgb(header: &exr::meta::header::Header) -> bool {
-    ["R", "G", "B"].iter().all(|&name| header.channels.list.iter().any(|channel| channel.name.eq(name)))
+/// Whether a part can be read as a picture.
+pub(crate) fn has_rgb(meta: &MetaData) -> bool {
+    meta.headers.iter().filter(|header| !header.deep).any(|header| {
+        ["R", "G", "B"].iter().all(|&name| header.channels.list.iter().any(|channel| channel.name.eq(name)))
+    })
 }
 
 fn decode_other(path: &Path, bytes: &[u8], format: Format) -> Result<Picture, Failure> {

@@ -133,6 +133,9 @@ fn picture(path: &Path) -> Result<Lines, Failure> {
                 lines.add(&name.to_string(), text);
             }
         }
+        if !images::has_rgb(&meta) {
+            return Ok(lines);
+        }
     }
     let picture = images::decode(path, &bytes)?;
     lines.add("format", picture.format.name());

@@ -21,7 +21,7 @@ use crate::summary::Summary;
 
 /// The scene that is rendered when none is named, and the files that it includes.
 const DEFAULT_SCENE: &str = include_str!("../scenes/default.toml");
-const DEFAULT_FILES: &[(&str, &[u8])] = &[];
+const DEFAULT_FILES: &[(&str, &[u8])] = &[("vase.obj", include_bytes!("../scenes/vase.obj"))];
 const DEFAULT_NAME: &str = "the embedded scene";
 
 /// Render a scene to EXR and PNG.
@@ -178,13 +178,9 @@ impl RenderArgs {
             peak_memory_bytes: memory::peak_bytes(),
             statistics: &statistics,
         };
-        let json = self.stats.as_ref().map(|path| (path, summary.json()));
-        if let Some((path, json)) = &json {
-            if *path == Path::new("-") {
-                print(json)?;
-            } else {
-                written.push((path, json.clone().into_bytes()));
-            }
+        let to_stdout = self.stats.as_deref() == Some(Path::new("-"));
+        if let Some(path) = self.stats.as_deref().filter(|_| !to_stdout) {
+            written.push((path, summary.json().into_bytes()));
         }
         files::write_all(&written)?;
         for line in summary.table().lines() {
@@ -192,6 +188,9 @@ impl RenderArgs {
         }
         let names: Vec<String> = written.iter().map(|(path, _)| path.display().to_string()).collect();
         reporter.note(&format!("wrote {}", names.join(", ")));
+        if to_stdout {
+            print(&summary.json())?;
+        }
         Ok(())
     }
 
@@ -204,7 +203,11 @@ impl RenderArgs {
         }
         let mut loaded = scene::load_embedded(DEFAULT_SCENE, DEFAULT_FILES).map_err(Failure::input)?;
         if let Some(path) = &self.env {
-            let Picture { size, pixels, .. } = images::read(path)?;
+            let Picture { size, pixels, format } = images::read(path)?;
+            if format.is_coded() {
+                let what = "holds codes for a display and not radiance; give an EXR or HDR picture";
+                return Err(Failure::Input(format!("{}: {what}", path.display())));
+            }
             loaded.description.environment = Some(Environment::from_pixels(size.x, size.y, pixels));
         }
         let environment = loaded.description.environment.take();
@@ -221,6 +224,7 @@ impl RenderArgs {
             spp: self.spp.or(file.spp),
             size: self.size.or(file.size).unwrap_or(default.size),
             seed: self.seed.or(file.seed).unwrap_or(default.seed),
+            ..default
         }
     }
 

@@ -87,6 +87,13 @@ fn info_tells_of_scenes_and_pictures() {
     for words in ["256 x 256", "channels        B G R", "OpenEXR", "not finite      0"] {
         assert!(picture.expect_done().stdout.contains(words), "{words} in {picture:?}");
     }
+    let depth = |_: exr::prelude::Vec2<usize>| (1.0_f32,);
+    let channels = exr::prelude::SpecificChannels::build().with_channel("Z").with_pixel_fn(depth);
+    let only_depth = exr::prelude::Image::from_channels((3, 2), channels);
+    exr::prelude::WritableImage::write(&only_depth).to_file(folder.path().join("z.exr")).unwrap();
+    let run = freelux(folder.path(), &["info", "z.exr"]);
+    assert!(run.expect_done().stdout.contains("channels        Z"), "a picture without colours: {run:?}");
+    freelux(folder.path(), &["compare", "z.exr", "z.exr"]).expect_refused(2, "no flat channels R, G and B, but Z");
     fs::write(folder.path().join("a.txt"), "not a picture").unwrap();
     freelux(folder.path(), &["info", "a.txt"]).expect_refused(2, "a.txt");
     freelux(folder.path(), &["info", "."]).expect_refused(2, "not a regular file");

@@ -42,7 +42,7 @@ fn the_embedded_scene_renders_to_the_default_names() {
     run.expect_done();
     assert_eq!(names(folder.path()), ["freelux.exr", "freelux.png"], "both pictures and nothing else");
     assert_eq!(run.stdout, "", "stdout is for what was asked");
-    for words in ["seconds", "rays", "memory", "wrote freelux.exr, freelux.png"] {
+    for words in ["freelux: path\n", "seconds", "rays", "memory", "wrote freelux.exr, freelux.png"] {
         assert!(run.stderr.contains(words), "{words} in the summary: {}", run.stderr);
     }
     let png = image::open(folder.path().join("freelux.png")).unwrap().into_rgb8();
