@@ -1,13 +1,13 @@
 //! Building the tree: boxes, obvhs, wide nodes, packets.
 
 use glam::{Vec3, Vec3A, Vec4};
-use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
-use obvhs::ploc::{PlocSearchDistance, SortPrecision};
+use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
 use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
-use super::{Bvh, Child, Node};
+use super::{Bvh, Node, median};
 use crate::Aabb;
 
 /// Something to find.
@@ -29,6 +29,9 @@ const GROWTH: f32 = 1e-4;
 /// from the ray's origin, and a ray must enter the box of whatever triangle takes it.
 const PADDING: f32 = 4e-7;
 
+/// Deeper trees, which boxes within boxes make, are replaced by an even one.
+const MAX_DEPTH: usize = 128;
+
 /// Primitives in a leaf.
 const LANES: usize = 4;
 
@@ -40,7 +43,11 @@ impl Bvh {
         if numbers.is_empty() {
             return Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
         }
-        let binary = build_bvh2(&boxes(primitives, &numbers), parameters(), &mut std::time::Duration::default());
+        let boxes = boxes(primitives, &numbers);
+        let mut binary = clustered(&boxes);
+        if depth(&binary) > MAX_DEPTH {
+            binary = median::split(&boxes);
+        }
         let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
         bvh.widen(&binary, |slot| {
             let number = numbers[binary.primitive_indices[slot] as usize];
@@ -62,11 +69,12 @@ impl Bvh {
                 let child = if source.is_leaf() {
                     let first = source.first_index as usize;
                     self.packets.push(Packet::new((first..first + source.prim_count as usize).map(&primitive)));
-                    Child::leaf(self.packets.len() - 1)
+                    self.nodes[node].leaves |= 1 << lane;
+                    self.packets.len() - 1
                 } else {
                     self.nodes.push(Node::EMPTY);
                     todo.push((self.nodes.len() - 1, children(binary, member), level + 1));
-                    Child::inner(self.nodes.len() - 1)
+                    self.nodes.len() - 1
                 };
                 self.nodes[node].set(lane, source.aabb().min, source.aabb().max, child);
             }
@@ -120,18 +128,36 @@ fn unit_hash(index: u32, axis: u32) -> f32 {
     ((h ^ (h >> 16)) >> 8) as f32 / (1u32 << 24) as f32
 }
 
-/// obvhs' medium build with leaves that fill a packet: a packet costs about as much as a node, however many lanes are in use.
-fn parameters() -> BvhBuildParams {
-    BvhBuildParams {
-        pre_split: false,
-        ploc_search_distance: PlocSearchDistance::Medium,
-        search_depth_threshold: 3,
-        reinsertion_batch_ratio: 0.05,
-        post_collapse_reinsertion_batch_ratio_multiplier: 2.0,
-        sort_precision: SortPrecision::U64,
-        max_prims_per_leaf: 4,
-        collapse_traversal_cost: 3.0,
+/// Builds a tree as obvhs' medium build does, in one thread and so always the same, with leaves that fill a packet.
+fn clustered(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
+    // Part of the nodes that are tried elsewhere in the tree, and again after leaves were merged. Ten times as many made no ray faster.
+    const REINSERTION: f32 = 0.05;
+    // A packet costs about as much as a node, however many of its lanes are in use.
+    const NODE_COST: f32 = 3.0;
+    // On the lowest levels only direct neighbours are compared.
+    const NEIGHBOUR_LEVELS: usize = 3;
+    let numbers = (0u32..).take(boxes.len()).collect();
+    let mut ploc = PlocBuilder::with_capacity(boxes.len());
+    let mut tree = ploc.build(PlocSearchDistance::Medium, boxes, numbers, SortPrecision::U64, NEIGHBOUR_LEVELS);
+    let mut reinsertion = ReinsertionOptimizer::default();
+    reinsertion.run(&mut tree, REINSERTION, None);
+    collapse(&mut tree, 4, NODE_COST);
+    reinsertion.run(&mut tree, 2.0 * REINSERTION, None);
+    tree
+}
+
+/// Returns the number of levels.
+fn depth(tree: &Bvh2) -> usize {
+    let mut todo = vec![(0, 1)];
+    let mut depth = 0;
+    while let Some((node, level)) = todo.pop() {
+        depth = depth.max(level);
+        let node = &tree.nodes[node];
+        if !node.is_leaf() {
+            todo.extend([0, 1].map(|i| (node.first_index as usize + i, level + 1)));
+        }
     }
+    depth
 }
 
 impl Primitive {
@@ -146,30 +172,14 @@ impl Primitive {
 }
 
 impl Node {
-    const EMPTY: Self = Self { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], children: [Child(0); 4] };
+    const EMPTY: Self = Self { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], children: [0; 4], leaves: 0 };
 
-    fn set(&mut self, lane: usize, min: Vec3A, max: Vec3A, child: Child) {
+    fn set(&mut self, lane: usize, min: Vec3A, max: Vec3A, child: usize) {
         for axis in 0..3 {
             self.bounds[0][axis][lane] = min[axis];
             self.bounds[1][axis][lane] = max[axis];
         }
-        self.children[lane] = child;
-    }
-}
-
-impl Child {
-    fn leaf(packet: usize) -> Self {
-        Self(Self::LEAF | Self::index(packet))
-    }
-
-    fn inner(node: usize) -> Self {
-        Self(Self::index(node))
-    }
-
-    fn index(i: usize) -> u32 {
-        let index = u32::try_from(i).unwrap_or(Self::LEAF);
-        assert!(index < Self::LEAF, "the number of primitives is limited so that indices fit 31 bits");
-        index
+        self.children[lane] = u32::try_from(child).expect("the number of primitives is limited");
     }
 }
 

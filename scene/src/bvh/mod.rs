@@ -4,7 +4,10 @@
 //! four lanes, and each leaf is a packet of up to four primitives, tested in four lanes likewise.
 
 mod build;
+mod median;
 mod packet;
+#[cfg(test)]
+mod tests;
 mod traverse;
 
 use glam::Vec4;
@@ -26,25 +29,10 @@ pub(crate) struct Bvh {
 struct Node {
     /// Lowest and highest coordinates: `bounds[0][axis]` and `bounds[1][axis]`.
     bounds: [[Vec4; 3]; 2],
-    children: [Child; 4],
-}
-
-/// A node or, with the highest bit set, a packet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Child(u32);
-
-impl Child {
-    const LEAF: u32 = 1 << 31;
-
-    #[inline]
-    fn node(self) -> Option<usize> {
-        (self.0 & Self::LEAF == 0).then_some(self.0 as usize)
-    }
-
-    #[inline]
-    fn packet(self) -> usize {
-        (self.0 & !Self::LEAF) as usize
-    }
+    /// Indices of nodes or, in the lanes of `leaves`, of packets.
+    children: [u32; 4],
+    /// A bit for each lane that holds a packet.
+    leaves: u32,
 }
 
 impl Bvh {

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec4};
 
 use super::packet::{CUT_OUT, FORM, PRIMITIVE, ShearedRay};
-use super::{Bvh, Child, Node};
+use super::{Bvh, Node};
 use crate::{Hit, Ray};
 
 /// Boxes are left this much later than computed: three roundings (Ize 2013: Robust BVH Ray Traversal).
@@ -17,8 +17,8 @@ const USUAL_STACK: usize = 64;
 /// Enough for a tree of depth 128.
 const LARGE_STACK: usize = 400;
 
-/// A child that waits and where the ray enters its box.
-type Waiting = (Child, f32);
+/// A node that waits and where the ray enters its box.
+type Waiting = (u32, f32);
 
 /// A ray in the form in which boxes want it.
 struct BoxRay {
@@ -64,7 +64,7 @@ impl Bvh {
     ) -> Option<Hit> {
         let mut nearest = None;
         let mut range = *ray;
-        self.traverse(ray, |bvh, packet, sheared| {
+        self.traverse::<false>(ray, |bvh, packet, sheared| {
             if let Some(hit) = bvh.meet_packet::<false>(packet, &range, sheared, &form, &keep) {
                 range.t_max = hit.t;
                 nearest = Some(hit);
@@ -78,7 +78,7 @@ impl Bvh {
     #[inline]
     pub(crate) fn any(&self, ray: &Ray, form: impl Fn(u32, &Ray) -> Option<f32>, keep: impl Fn(&Hit) -> bool) -> bool {
         let mut found = false;
-        self.traverse(ray, |bvh, packet, sheared| {
+        self.traverse::<true>(ray, |bvh, packet, sheared| {
             found = bvh.meet_packet::<true>(packet, ray, sheared, &form, &keep).is_some();
             if found { f32::NEG_INFINITY } else { ray.t_max }
         });
@@ -87,43 +87,58 @@ impl Bvh {
 
     /// Calls `leaf` with the packets that the ray may meet, about from near to far; `leaf` returns how far is still of interest.
     #[inline]
-    fn traverse(&self, ray: &Ray, leaf: impl FnMut(&Self, usize, &ShearedRay) -> f32) {
+    fn traverse<const ANY: bool>(&self, ray: &Ray, leaf: impl FnMut(&Self, usize, &ShearedRay) -> f32) {
         if self.nodes.is_empty() || !ray.is_valid() {
             return;
         }
-        let nothing = (Child(0), 0.0);
+        let nothing = (0, 0.0);
         if self.stack_size <= USUAL_STACK {
-            self.traverse_with(&mut [nothing; USUAL_STACK], ray, leaf);
+            self.traverse_with::<ANY>(&mut [nothing; USUAL_STACK], ray, leaf);
         } else if self.stack_size <= LARGE_STACK {
-            self.traverse_with(&mut [nothing; LARGE_STACK], ray, leaf);
+            self.traverse_with::<ANY>(&mut [nothing; LARGE_STACK], ray, leaf);
         } else {
             // A tree that deep takes far longer than this allocation.
-            self.traverse_with(&mut vec![nothing; self.stack_size], ray, leaf);
+            self.traverse_with::<ANY>(&mut vec![nothing; self.stack_size], ray, leaf);
         }
     }
 
     #[inline]
-    fn traverse_with(&self, stack: &mut [Waiting], ray: &Ray, mut leaf: impl FnMut(&Self, usize, &ShearedRay) -> f32) {
+    fn traverse_with<const ANY: bool>(
+        &self,
+        stack: &mut [Waiting],
+        ray: &Ray,
+        mut leaf: impl FnMut(&Self, usize, &ShearedRay) -> f32,
+    ) {
         let boxes = BoxRay::new(ray);
         let sheared = ShearedRay::new(ray);
         let mut t_max = ray.t_max;
         let mut waiting = 0;
-        let mut node = 0;
+        let mut node = &self.nodes[0];
         loop {
-            let (enter, mut mask) = boxes.meet(&self.nodes[node], ray.t_min, t_max);
-            let children = &self.nodes[node].children;
+            let (enter, mask) = boxes.meet(node, ray.t_min, t_max);
+            // Leaves first: a hit there spares the rest, and nothing has to wait for it.
+            let mut leaves = mask & node.leaves;
+            while leaves != 0 {
+                let lane = leaves.trailing_zeros() as usize & 3;
+                leaves &= leaves - 1;
+                if enter[lane] <= t_max {
+                    t_max = leaf(self, node.children[lane] as usize, &sheared);
+                }
+            }
             let first = waiting;
-            while mask != 0 {
-                let lane = mask.trailing_zeros() as usize & 3;
-                mask &= mask - 1;
-                // Insertion keeps the nearest of this node's children on top.
+            let mut inner = mask & !node.leaves;
+            while inner != 0 {
+                let lane = inner.trailing_zeros() as usize & 3;
+                inner &= inner - 1;
+                // Insertion keeps the nearest of this node's children on top; for any hit the order is not worth its cost: where the
+                // scene is closed, to start anywhere finds one three times sooner than to search the crowded near first (measured in an atrium).
                 let t = enter[lane];
                 let mut at = waiting;
-                while at > first && stack[at - 1].1 < t {
+                while at > first && !ANY && stack[at - 1].1 < t {
                     stack[at] = stack[at - 1];
                     at -= 1;
                 }
-                stack[at] = (children[lane], t);
+                stack[at] = (node.children[lane], t);
                 waiting += 1;
             }
             node = loop {
@@ -131,13 +146,9 @@ impl Bvh {
                     return;
                 }
                 waiting -= 1;
-                let (child, t) = stack[waiting];
-                if t > t_max {
-                    continue;
-                }
-                match child.node() {
-                    Some(node) => break node,
-                    None => t_max = leaf(self, child.packet(), &sheared),
+                let (next, t) = stack[waiting];
+                if t <= t_max {
+                    break &self.nodes[next as usize];
                 }
             };
         }
