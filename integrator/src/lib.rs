@@ -3,6 +3,7 @@
 
 pub mod metrics;
 
+mod cells;
 mod film;
 mod four_terms;
 mod gather;
@@ -24,7 +25,7 @@ pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings};
 pub use render::{Rendering, render};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
-pub use secondary::{NoSecondary, Secondary};
-pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, Settings, SettingsError};
+pub use secondary::{Known, NoSecondary, Secondary};
+pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};
 pub use sky::SkySplit;
 pub use statistics::{Phase, Progress, RayCounts, Statistics};

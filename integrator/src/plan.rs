@@ -3,7 +3,7 @@
 use radcache::{MergeSettings, RecordSettings, Validity};
 use scene::Scene;
 
-use crate::{Method, Settings};
+use crate::{Method, SecondaryKind, Settings};
 
 /// The decisions of a rendering by the four-term methods.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +28,8 @@ pub(crate) struct Plan {
     pub(crate) global_photons: u32,
     /// Photons to shoot into the caustic map, 0 where nothing refracts or mirrors.
     pub(crate) caustic_photons: u32,
+    /// Rays to spend on the links of cells, 0 where there are none.
+    pub(crate) cell_rays: u32,
     /// Narrowest lobe that the texture of a record resolves; narrower ones are traced.
     pub(crate) min_texture_alpha: f32,
     /// Samples of a glossy lobe that are looked up in a texture.
@@ -56,8 +58,13 @@ impl Plan {
             agreement: (0.1 / quality.sqrt()).clamp(0.01, 0.3),
             reproject: reproject::Settings::default(),
             verify_side: 2,
-            global_photons: if lit && features.diffuse { photons } else { 0 },
+            global_photons: if lit && features.diffuse && settings.secondary == SecondaryKind::Photons { photons } else { 0 },
             caustic_photons: if lit && features.delta { 2 * photons } else { 0 },
+            cell_rays: if features.diffuse && settings.secondary == SecondaryKind::Cells {
+                round(500_000.0 * quality, 50_000.0, 50_000_000.0)
+            } else {
+                0
+            },
             min_texture_alpha: 3.0 / n as f32,
             lobe_samples: 128,
         }

@@ -2,10 +2,15 @@
 
 use std::time::Instant;
 
-use scene::Scene;
+use glam::Vec3;
+use scene::{Scene, Surface};
 
+use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::plan::Plan;
-use crate::{Film, Method, NoSecondary, Progress, Settings, SettingsError, Statistics, four_terms, path};
+use crate::{
+    Film, Method, PhotonMaps, PhotonSettings, Progress, SecondaryKind, Settings, SettingsError, SkySplit, Statistics,
+    four_terms, hash_pair, path,
+};
 
 /// A finished picture and what it took.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,9 +41,73 @@ pub fn render(
         Method::Path => path::render(scene, settings, progress, &mut statistics),
         Method::Reproject | Method::Gather => {
             let plan = Plan::new(scene, settings);
-            four_terms::render(scene, settings, &plan, &NoSecondary, &mut statistics, progress)
+            let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
+            if settings.secondary == SecondaryKind::Photons {
+                four_terms::render(scene, settings, &plan, &maps, &mut statistics, progress)
+            } else {
+                let caustic = |surface: &Surface| maps.caustic_irradiance(surface.p, surface.ng);
+                let cells = statistics.time("cells", |statistics| {
+                    solve_cells(scene, settings, &plan, caustic, statistics, progress)
+                });
+                let source = CellSource { cells: &cells, caustic };
+                four_terms::render(scene, settings, &plan, &source, &mut statistics, progress)
+            }
         }
     };
     statistics.render_seconds = start.elapsed().as_secs_f64();
     Ok(Rendering { film, statistics })
 }
+
+/// Solves for the light at secondary hits, if the plan asks for it; no cells otherwise.
+fn solve_cells(
+    scene: &Scene,
+    settings: &Settings,
+    plan: &Plan,
+    caustic: impl Fn(&Surface) -> Vec3 + Sync,
+    statistics: &mut Statistics,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Cells {
+    if plan.cell_rays == 0 {
+        return Cells::default();
+    }
+    progress(Progress { phase: "cells", done: 0.0 });
+    let seed = hash_pair(settings.seed, CELL_STREAM);
+    let builder = CellBuilder { scene, sky: SkySplit::new(scene), caustic, seed, ray_budget: plan.cell_rays };
+    let cells = builder.build(settings.size, &mut statistics.rays);
+    statistics.memory_bytes += cells.memory_bytes() as u64;
+    progress(Progress { phase: "cells", done: 1.0 });
+    cells
+}
+
+/// Shoots the photons that the plan asks for.
+fn shoot(
+    scene: &Scene,
+    settings: &Settings,
+    plan: &Plan,
+    statistics: &mut Statistics,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> PhotonMaps {
+    progress(Progress { phase: "photons", done: 0.0 });
+    let maps = PhotonMaps::shoot(
+        scene,
+        &PhotonSettings {
+            global: plan.global_photons > 0,
+            caustic: plan.caustic_photons > 0,
+            count: plan.global_photons,
+            caustic_count: plan.caustic_photons,
+            seed: hash_pair(settings.seed, PHOTON_STREAM),
+            ..PhotonSettings::default()
+        },
+    );
+    statistics.rays += maps.rays;
+    statistics.photons_shot += maps.global_counts.shot + maps.caustic_counts.shot;
+    statistics.photons_global += maps.global_counts.stored;
+    statistics.photons_caustic += maps.caustic_counts.stored;
+    statistics.memory_bytes += maps.memory_bytes();
+    progress(Progress { phase: "photons", done: 1.0 });
+    maps
+}
+
+/// Keeps the random numbers of photons apart from those of everything else.
+const CELL_STREAM: u64 = 0x6365_6c6c;
+const PHOTON_STREAM: u64 = 0x7068_6f74_6f6e;

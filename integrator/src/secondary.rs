@@ -1,7 +1,7 @@
 //! What a gather ray finds: the light that a surface sends back, by direct light there and one look into a photon map or any
 //! other solution for the rest.
 
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use scene::{Bsdf, LightSample, Lobes, Ray, Scene, Surface};
 
@@ -9,14 +9,24 @@ use crate::sampler::Sampler;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 
-/// Light that arrives at a surface after it was reflected or refracted at least once: a photon map, a radiosity solution, or
-/// whatever else the caller has.
-pub trait Secondary: Sync {
-    /// Irradiance at a surface by indirect light and caustics, W m^-2, and the length in metres below which it is blurred;
-    /// `None` where this solution knows nothing, and the path goes on instead.
-    fn irradiance(&self, surface: &Surface) -> Option<(Vec3, f32)>;
+/// What is known of the light at a surface, apart from what path tracing would find.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// Irradiance straight from the sources, W m^-2; `None` where light must be sampled.
+    pub direct: Option<Vec3>,
+    /// Irradiance by light that was reflected or refracted at least once, caustics included, W m^-2.
+    pub indirect: Vec3,
+    /// Length in metres below which the light is blurred: hits nearer than that go one bounce further.
+    pub resolution: f32,
+}
 
-    /// The part of it that came by mirrors or glass alone: the caustics. Zero in a scene without them.
+/// Light at surfaces that gather rays meet: a photon map, a radiosity solution, or whatever else the caller has.
+pub trait Secondary: Sync {
+    /// The light at a surface, `None` where this solution knows nothing and the path goes on instead. `u` is uniform in [0, 1)^2, for
+    /// look-ups that are smooth in the mean only.
+    fn irradiance(&self, surface: &Surface, u: Vec2) -> Option<Known>;
+
+    /// Irradiance that came by mirrors or glass alone: the caustics. Zero in a scene without them.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
 }
 
@@ -25,7 +35,7 @@ pub trait Secondary: Sync {
 pub struct NoSecondary;
 
 impl Secondary for NoSecondary {
-    fn irradiance(&self, _: &Surface) -> Option<(Vec3, f32)> {
+    fn irradiance(&self, _: &Surface, _: Vec2) -> Option<Known> {
         None
     }
 
@@ -33,9 +43,6 @@ impl Secondary for NoSecondary {
         Vec3::ZERO
     }
 }
-
-/// Hits nearer than this many times the resolution of the secondary solution go one bounce further.
-const RESOLUTION_FACTOR: f32 = 1.0;
 
 /// From this bounce on, paths are ended by roulette.
 const ROULETTE_START: u32 = 2;
@@ -98,19 +105,27 @@ impl<S: Secondary> Follower<'_, S> {
         for bounce in 1..MAX_BOUNCES {
             sampler.start_bounce(bounce);
             let Shading { bsdf, .. } = shading;
-            if bsdf.has_diffuse() || bsdf.has_glossy() {
+            let known = self.known(&shading, path_length, may_refine, sampler);
+            let needs_light = bsdf.has_diffuse() && known.is_none_or(|known| known.direct.is_none());
+            if needs_light || bsdf.has_glossy() {
                 let (diffuse, specular) = direct_light(self.scene, &shading, sampler.next_4d(), None, rays);
-                radiance += beta * (diffuse + specular);
+                radiance += beta * specular;
+                if needs_light {
+                    radiance += beta * diffuse;
+                }
             }
-            if bsdf.has_diffuse() && self.scene.features().emissive_unsampled {
+            if needs_light && self.scene.features().emissive_unsampled {
                 radiance += beta * unsampled_emission(self.scene, &shading, sampler.next_2d(), rays);
             }
-            if bsdf.has_diffuse() {
-                radiance += beta * self.diffuse_rest(&shading, path_length, may_refine, sampler, rays);
+            if let Some(known) = known {
+                let irradiance = known.direct.unwrap_or_default() + known.indirect;
+                radiance += beta * bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI;
+            } else if bsdf.has_diffuse() {
+                radiance += beta * self.diffuse_bounce(&shading, may_refine, sampler, rays);
             }
             // The specular part goes on as a path.
             let u = sampler.next_4d();
-            let Some(sample) = bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], glam::Vec2::new(u[1], u[2])) else {
+            let Some(sample) = bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2])) else {
                 break;
             };
             beta *= sample.weight;
@@ -156,30 +171,26 @@ impl<S: Secondary> Follower<'_, S> {
         radiance
     }
 
-    /// What the diffuse part reflects of light that was reflected before: by the secondary solution, or one bounce further.
-    fn diffuse_rest(
-        &self,
-        shading: &Shading,
-        distance: f32,
-        may_refine: bool,
-        sampler: &mut Sampler,
-        rays: &mut RayCounts,
-    ) -> Vec3 {
-        let albedo = shading.bsdf.diffuse;
-        let known = self.secondary.irradiance(&shading.surface);
-        if let Some((irradiance, resolution)) = known
-            && !(may_refine && distance < RESOLUTION_FACTOR * resolution)
-        {
-            return albedo * irradiance * std::f32::consts::FRAC_1_PI;
+    /// What is known of the light on the diffuse part of a surface, if that is far enough to take it.
+    fn known(&self, shading: &Shading, distance: f32, may_refine: bool, sampler: &mut Sampler) -> Option<Known> {
+        if !shading.bsdf.has_diffuse() {
+            return None;
         }
+        let known = self.secondary.irradiance(&shading.surface, sampler.next_2d())?;
+        (!may_refine || distance >= known.resolution).then_some(known)
+    }
+
+    /// What the diffuse part reflects of light that was reflected before, one bounce further. `refines` says that the bounce was
+    /// chosen for its resolution, so that the next one may be looked up; else nothing is known and roulette decides.
+    fn diffuse_bounce(&self, shading: &Shading, refines: bool, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+        let albedo = shading.bsdf.diffuse;
         let u = sampler.next_4d();
-        // Where nothing is known the path may grow without end, so roulette decides.
-        let survival = if known.is_some() { 1.0 } else { albedo.max_element().min(0.95) };
+        let survival = if refines { 1.0 } else { albedo.max_element().min(0.95) };
         if u[2] >= survival {
             return Vec3::ZERO;
         }
         let caustic = self.secondary.caustic_irradiance(&shading.surface) * std::f32::consts::FRAC_1_PI;
-        let wi_local = hemimap::square_to_cosine_hemisphere(glam::Vec2::new(u[0], u[1]));
+        let wi_local = hemimap::square_to_cosine_hemisphere(Vec2::new(u[0], u[1]));
         let wi = shading.frame.to_world(wi_local);
         let mut incident = Vec3::ZERO;
         if shading.leaves(wi, wi_local) {
@@ -192,7 +203,7 @@ impl<S: Secondary> Follower<'_, S> {
                 incident = self.follow(&next, surface, &mut own, rays, false);
             }
         }
-        albedo * (incident / survival + caustic)
+        albedo * (incident + caustic) / survival
     }
 }
 
@@ -209,7 +220,7 @@ pub(crate) fn direct_light(
 ) -> (Vec3, Vec3) {
     let Shading { surface, frame, bsdf, wo } = shading;
     let nothing = (Vec3::ZERO, Vec3::ZERO);
-    let Some(light) = scene.lights().sample(surface.p, surface.n, u[0], glam::Vec2::new(u[1], u[2])) else {
+    let Some(light) = scene.lights().sample(surface.p, surface.n, u[0], Vec2::new(u[1], u[2])) else {
         return nothing;
     };
     let wi = frame.to_local(light.wi);
@@ -226,7 +237,7 @@ pub(crate) fn direct_light(
 
 /// Direct light of sources that light sampling does not know, such as free forms that shine, reflected by the diffuse part: by one
 /// cosine-distributed ray.
-pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: glam::Vec2, rays: &mut RayCounts) -> Vec3 {
+pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays: &mut RayCounts) -> Vec3 {
     let wi_local = hemimap::square_to_cosine_hemisphere(u);
     let wi = shading.frame.to_world(wi_local);
     if !shading.leaves(wi, wi_local) {

@@ -41,6 +41,19 @@ impl Method {
     }
 }
 
+/// Where gather rays take the light of the surfaces that they meet from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SecondaryKind {
+    /// A radiosity solution on cells of the surfaces that gather rays meet.
+    #[default]
+    Cells,
+    /// Light sampling there, and a map of photons that were reflected at least once.
+    Photons,
+    /// Light sampling there, and paths for the rest: slow, and without bias.
+    Paths,
+}
+
 /// The settings of a picture. [`Settings::default`] is a picture of 640 x 360 at quality 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -53,13 +66,22 @@ pub struct Settings {
     pub spp: Option<u32>,
     /// Width and height, pixels: each in [1, 16384], together at most 2^28.
     pub size: UVec2,
+    /// Where gather rays take their light from.
+    pub secondary: SecondaryKind,
     /// Any number; another seed gives a statistically independent picture.
     pub seed: u64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { method: Method::default(), quality: 1.0, spp: None, size: UVec2::new(640, 360), seed: 0 }
+        Self {
+            method: Method::default(),
+            quality: 1.0,
+            spp: None,
+            size: UVec2::new(640, 360),
+            secondary: SecondaryKind::default(),
+            seed: 0,
+        }
     }
 }
 

@@ -1,0 +1,416 @@
+//! A radiosity solution on cells of the surfaces that gather rays meet: all the light of a diffuse surface by one look-up.
+//!
+//! Probe paths from the picture find the surfaces that count. They are divided into cells, cubes of a grid times six directions of
+//! the normal. Each cell holds a few points; from these, light sampling gives its direct light, and cosine-distributed rays link
+//! it to the cells that they meet, through mirrors, glass and gloss. The system of the links,
+//!
+//! ```text
+//! E_i = D_i + sum_j W_ij E_j,     W_ij = throughput x albedo_j / number of rays of i
+//! ```
+//!
+//! is solved by iteration. A ray that meets no cell goes on as a path, so no light is lost. Unlike a density of photons this has no
+//! edges to be dark at, and costs no photon that does not reach the picture.
+//!
+//! # Source
+//! Cohen, Greenberg 1985 for the system; Binder, Fricke, Keller 2018, "Fast path space filtering by jittered spatial hashing", for
+//! the cells and the look-up.
+
+use glam::{IVec3, UVec2, Vec2, Vec3, Vec3A};
+use hemimap::Frame;
+use rayon::prelude::*;
+use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
+
+use crate::sampler::{Sampler, hash, hash_pair};
+use crate::secondary::{Known, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
+use crate::sky::{SkySplit, soft_background};
+use crate::statistics::RayCounts;
+
+/// Probe rays along a side of the picture, and gather rays and bounces of each.
+const PROBE_SIDE: u32 = 48;
+const PROBE_RAYS: u32 = 24;
+const PROBE_BOUNCES: u32 = 3;
+
+/// Width of a cell as a share of the median distance of what gather rays meet.
+const WIDTH_SHARE: f32 = 0.06;
+
+/// Points that stand for a cell.
+const MAX_POINTS: usize = 4;
+
+/// Largest change of the iteration at its end, relative to the brightest cell.
+const PRECISION: f32 = 1e-4;
+const MAX_ITERATIONS: usize = 200;
+
+/// Longest walk through mirrors, gloss and surfaces without a cell.
+const MAX_WALK: u32 = 64;
+
+/// Hits nearer than this many widths of a cell are not looked up.
+const RESOLUTION_FACTOR: f32 = 2.0;
+
+/// The cells and their light.
+#[derive(Debug, Default)]
+pub(crate) struct Cells {
+    width: f32,
+    table: Table,
+    /// Irradiance of each cell without caustics, W m^-2: straight from the sources, and by reflections.
+    direct: Vec<Vec3>,
+    indirect: Vec<Vec3>,
+}
+
+/// What cells are made from.
+pub(crate) struct CellBuilder<'a, C> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) sky: Option<SkySplit>,
+    /// Irradiance by caustics at a surface.
+    pub(crate) caustic: C,
+    pub(crate) seed: u64,
+    /// Number of rays to spend on links, and on shadow rays.
+    pub(crate) ray_budget: u32,
+}
+
+/// A cell's sources and links.
+struct Row {
+    direct: Vec3,
+    /// Light of walks that met no cell, and caustics.
+    source: Vec3,
+    links: Vec<(u32, Vec3)>,
+    rays: RayCounts,
+}
+
+impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
+    /// Finds the cells and solves for their light.
+    pub(crate) fn build(&self, size: UVec2, rays: &mut RayCounts) -> Cells {
+        let hits = self.probe(size, rays);
+        let mut distances: Vec<f32> = hits.iter().filter(|hit| hit.1).map(|hit| hit.0.surface.t).collect();
+        if distances.is_empty() {
+            return Cells::default();
+        }
+        distances.sort_unstable_by(f32::total_cmp);
+        let width = WIDTH_SHARE * distances[distances.len() / 2];
+        let mut cells = Cells { width, ..Cells::default() };
+        let mut members: Vec<Vec<Shading>> = Vec::new();
+        for (hit, _) in &hits {
+            let cell = cells.table.insert(key(&hit.surface, hit.surface.p, width));
+            if cell == members.len() {
+                members.push(Vec::with_capacity(MAX_POINTS));
+            }
+            if members[cell].len() < MAX_POINTS {
+                members[cell].push(*hit);
+            }
+        }
+        let ray_count = (self.ray_budget as usize / members.len()).clamp(8, 256);
+        let rows: Vec<Row> = members
+            .par_iter()
+            .enumerate()
+            .map(|(cell, points)| self.row(&cells, cell as u64, points, ray_count))
+            .collect();
+        for row in &rows {
+            *rays += row.rays;
+        }
+        cells.solve(&rows);
+        cells
+    }
+
+    /// Diffuse surfaces that paths from the picture meet, in fixed order; with each, whether it is the first of its path.
+    fn probe(&self, size: UVec2, rays: &mut RayCounts) -> Vec<(Shading, bool)> {
+        let found: Vec<(Vec<(Shading, bool)>, RayCounts)> = (0..PROBE_SIDE * PROBE_SIDE)
+            .into_par_iter()
+            .map(|number| {
+                let mut found = Vec::new();
+                let mut rays = RayCounts::default();
+                let cell = UVec2::new(number % PROBE_SIDE, number / PROBE_SIDE).as_vec2();
+                let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
+                let film = (cell + sampler.next_2d()) / PROBE_SIDE as f32 * size.as_vec2();
+                let ray = self.scene.camera().ray(film, size);
+                rays.camera += 1;
+                if let Some((seen, _)) = self.to_diffuse(ray, Vec3::ONE, &mut sampler, &mut rays) {
+                    for way in 0..PROBE_RAYS {
+                        let mut sampler = Sampler::new(self.seed, hash(u64::from(number)), way);
+                        self.probe_path(seen, &mut sampler, &mut found, &mut rays);
+                    }
+                }
+                (found, rays)
+            })
+            .collect();
+        found
+            .into_iter()
+            .flat_map(|(found, counted)| {
+                *rays += counted;
+                found
+            })
+            .collect()
+    }
+
+    fn probe_path(&self, from: Shading, sampler: &mut Sampler, found: &mut Vec<(Shading, bool)>, rays: &mut RayCounts) {
+        let mut at = from;
+        for bounce in 0..PROBE_BOUNCES {
+            sampler.start_bounce(bounce + 1);
+            let Some(ray) = cosine_ray(&at, sampler.next_2d()) else { return };
+            rays.path += 1;
+            let Some((next, _)) = self.to_diffuse(ray, Vec3::ONE, sampler, rays) else { return };
+            found.push((next, bounce == 0));
+            at = next;
+        }
+    }
+
+    /// Follows a ray through mirrors, glass and gloss to the first surface with a diffuse part; with the throughput.
+    fn to_diffuse(&self, ray: Ray, beta: Vec3, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<(Shading, Vec3)> {
+        let mut ray = ray;
+        let mut beta = beta;
+        for _ in 0..MAX_WALK {
+            let hit = self.scene.intersect(&ray)?;
+            let surface = self.scene.surface(&ray, &hit);
+            beta *= self.scene.transmittance(&surface);
+            let shading = Shading::new(self.scene, surface, ray.direction);
+            if shading.bsdf.has_diffuse() {
+                return Some((shading, beta));
+            }
+            let u = sampler.next_4d();
+            let sample = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2]))?;
+            beta *= sample.weight;
+            let wi = shading.frame.to_world(sample.wi);
+            if !shading.leaves(wi, sample.wi) || beta.max_element() < 1e-4 {
+                return None;
+            }
+            rays.path += 1;
+            ray = shading.surface.spawn(wi);
+        }
+        None
+    }
+
+    fn row(&self, cells: &Cells, cell: u64, points: &[Shading], ray_count: usize) -> Row {
+        let mut row =
+            Row { direct: Vec3::ZERO, source: Vec3::ZERO, links: Vec::with_capacity(ray_count), rays: RayCounts::default() };
+        let share = 1.0 / ray_count as f32;
+        for number in 0..ray_count {
+            let point = &white(&points[number % points.len()]);
+            let number = u32::try_from(number).expect("at most 256");
+            let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
+            // A white surface reflects irradiance / pi.
+            let pi = std::f32::consts::PI * share;
+            let (light, _) = direct_light(self.scene, point, sampler.next_4d(), self.sky.as_ref(), &mut row.rays);
+            row.direct += light * pi;
+            if self.scene.features().emissive_unsampled {
+                row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
+            }
+            if let Some(ray) = cosine_ray(point, sampler.next_2d()) {
+                self.walk(cells, ray, share, &mut sampler, &mut row);
+            }
+        }
+        for point in points {
+            row.source += (self.caustic)(&point.surface) / points.len() as f32;
+        }
+        row
+    }
+
+    /// Follows one link: adds the light on its way to the sources, and the cell at its end to the links. `share` is that of the ray in
+    /// the mean, so that radiance along it counts pi times as much in the irradiance.
+    fn walk(&self, cells: &Cells, ray: Ray, share: f32, sampler: &mut Sampler, row: &mut Row) {
+        let pi = std::f32::consts::PI;
+        let mut beta = Vec3::splat(share);
+        let mut ray = ray;
+        // Light at the end of mirrors and glass alone is a caustic, and not counted here.
+        let mut straight = true;
+        // Where the last glossy bounce was, and its density: what it meets counts beside what light sampling found there.
+        let mut glossy: Option<(Vec3A, f32)> = None;
+        for bounce in 1..MAX_WALK {
+            sampler.start_bounce(bounce);
+            row.rays.path += 1;
+            let Some(hit) = self.scene.intersect(&ray) else {
+                if straight {
+                    row.direct += beta * pi * soft_background(self.scene, self.sky.as_ref(), ray.direction);
+                } else if let Some((_, pdf)) = glossy {
+                    let weight = mis_weight(pdf, self.scene.lights().pdf_environment(ray.direction));
+                    row.source += beta * pi * weight * self.scene.background(ray.direction);
+                }
+                return;
+            };
+            straight = false;
+            let surface = self.scene.surface(&ray, &hit);
+            beta *= self.scene.transmittance(&surface);
+            if let Some((from, pdf)) = glossy {
+                let emission = self.scene.emission(&surface);
+                if emission != Vec3::ZERO {
+                    let light_pdf = self.scene.lights().pdf_surface(from, ray.direction, &surface);
+                    row.source += beta * pi * mis_weight(pdf, light_pdf) * emission;
+                }
+            }
+            let shading = Shading::new(self.scene, surface, ray.direction);
+            let u = sampler.next_4d();
+            let mut lobe = Lobes::SPECULAR;
+            if shading.bsdf.has_glossy() {
+                // The lobe goes on below; what light sampling finds of it is taken here, without the part left to the lobe.
+                let (_, specular) = direct_light(self.scene, &shading, sampler.next_4d(), None, &mut row.rays);
+                row.source += beta * pi * specular;
+            }
+            if shading.bsdf.has_diffuse() {
+                if let Some(cell) = cells.table.find(key(&surface, surface.p, cells.width)) {
+                    row.links.push((cell, beta * shading.bsdf.diffuse));
+                } else {
+                    let (diffuse, _) = direct_light(self.scene, &shading, sampler.next_4d(), None, &mut row.rays);
+                    row.source += beta * pi * (diffuse + shading.bsdf.diffuse / pi * (self.caustic)(&surface));
+                    // Only one way goes on where there are two.
+                    let ways = if shading.bsdf.specular == Specular::None { 1.0 } else { 2.0 };
+                    if sampler.next_1d() * ways < 1.0 {
+                        lobe = Lobes::DIFFUSE;
+                    }
+                    beta *= ways;
+                }
+            }
+            let Some(sample) = shading.bsdf.sample(lobe, shading.wo, u[0], Vec2::new(u[1], u[2])) else { return };
+            glossy = match (glossy, sample.delta) {
+                // Light sampling found all that the diffuse part sees by itself.
+                _ if lobe == Lobes::DIFFUSE => None,
+                (_, false) => Some((surface.p, sample.pdf)),
+                // Behind a mirror nothing else could have found the light.
+                (Some(_), true) => Some((surface.p, 0.0)),
+                (None, true) => None,
+            };
+            let wi = shading.frame.to_world(sample.wi);
+            beta *= sample.weight;
+            let survival = (beta.max_element() / share).min(0.95);
+            if u[3] >= survival || !shading.leaves(wi, sample.wi) {
+                return;
+            }
+            beta /= survival;
+            ray = shading.surface.spawn(wi);
+        }
+    }
+}
+
+impl Cells {
+    fn solve(&mut self, rows: &[Row]) {
+        self.direct = rows.iter().map(|row| row.direct).collect();
+        let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
+        for _ in 0..MAX_ITERATIONS {
+            let next: Vec<Vec3> = rows
+                .par_iter()
+                .map(|row| {
+                    let all = |cell: u32| self.direct[cell as usize] + indirect[cell as usize];
+                    row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
+                })
+                .collect();
+            let change = next.iter().zip(&indirect).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max);
+            let brightest = next.iter().map(|e| e.max_element()).fold(0.0, f32::max);
+            indirect = next;
+            if change <= PRECISION * brightest {
+                break;
+            }
+        }
+        self.indirect = indirect;
+    }
+
+    /// Whether there are none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.direct.is_empty()
+    }
+
+    /// Bytes that cells take.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.direct.len() * 2 * size_of::<Vec3>() + self.table.slots.len() * size_of::<(u64, u32)>()
+    }
+
+    /// The light of the cell of a surface. With `u` in [0, 1)^2 the place is moved at random by up to half a cell, which makes the mean of
+    /// many look-ups smooth.
+    pub(crate) fn look_up(&self, surface: &Surface, u: Vec2) -> Option<Known> {
+        let frame = Frame::from_normal(surface.ng);
+        let moved = surface.p + self.width * ((u.x - 0.5) * frame.s + (u.y - 0.5) * frame.t);
+        let at = |p: Vec3A| self.table.find(key(surface, p, self.width));
+        let cell = at(moved).or_else(|| at(surface.p))? as usize;
+        Some(Known {
+            direct: Some(self.direct[cell]),
+            indirect: self.indirect[cell],
+            resolution: RESOLUTION_FACTOR * self.width,
+        })
+    }
+}
+
+/// Cells together with the caustics that the caller has.
+pub(crate) struct CellSource<'a, C> {
+    pub(crate) cells: &'a Cells,
+    pub(crate) caustic: C,
+}
+
+impl<C: Fn(&Surface) -> Vec3 + Sync> Secondary for CellSource<'_, C> {
+    fn irradiance(&self, surface: &Surface, u: Vec2) -> Option<Known> {
+        if self.cells.is_empty() { None } else { self.cells.look_up(surface, u) }
+    }
+
+    fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        (self.caustic)(surface)
+    }
+}
+
+/// A point with a white diffuse surface, to measure irradiance.
+fn white(point: &Shading) -> Shading {
+    Shading { bsdf: Bsdf { diffuse: Vec3::ONE, specular: Specular::None }, ..*point }
+}
+
+fn cosine_ray(from: &Shading, u: Vec2) -> Option<Ray> {
+    let wi_local = hemimap::square_to_cosine_hemisphere(u);
+    let wi = from.frame.to_world(wi_local);
+    from.leaves(wi, wi_local).then(|| from.surface.spawn(wi))
+}
+
+/// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Never 0.
+fn key(surface: &Surface, p: Vec3A, width: f32) -> u64 {
+    let cube: IVec3 = (p / width).floor().as_ivec3();
+    let n = surface.ng;
+    let a = n.abs();
+    let axis = if a.x >= a.y && a.x >= a.z {
+        0
+    } else if a.y >= a.z {
+        1
+    } else {
+        2
+    };
+    let side = axis * 2 + u64::from(n[axis as usize] > 0.0);
+    let bits = |x: i32| u64::from(x.cast_unsigned()) & 0x1f_ffff;
+    hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1
+}
+
+/// Keys to numbers in the order of their entry, by open addressing.
+#[derive(Debug, Default)]
+struct Table {
+    /// Key and number; key 0 is a free slot.
+    slots: Vec<(u64, u32)>,
+    len: usize,
+}
+
+impl Table {
+    /// The number of a key, a new one if it is not there.
+    fn insert(&mut self, key: u64) -> usize {
+        if (self.len + 1) * 2 > self.slots.len() {
+            let old = std::mem::take(&mut self.slots);
+            self.slots = vec![(0, 0); (old.len() * 2).max(1024)];
+            for entry in old.into_iter().filter(|entry| entry.0 != 0) {
+                let slot = self.slot(entry.0);
+                self.slots[slot] = entry;
+            }
+        }
+        let slot = self.slot(key);
+        if self.slots[slot].0 == 0 {
+            self.slots[slot] = (key, u32::try_from(self.len).expect("memory ends before 2^32 cells"));
+            self.len += 1;
+        }
+        self.slots[slot].1 as usize
+    }
+
+    fn find(&self, key: u64) -> Option<u32> {
+        let (found, number) = *self.slots.get(self.slot(key))?;
+        (found == key).then_some(number)
+    }
+
+    /// The slot of a key, or the free one where it belongs.
+    fn slot(&self, key: u64) -> usize {
+        let mask = self.slots.len().wrapping_sub(1);
+        #[expect(clippy::cast_possible_truncation, reason = "masked")]
+        let mut slot = (key >> 8) as usize & mask;
+        while let Some(&(found, _)) = self.slots.get(slot)
+            && found != 0
+            && found != key
+        {
+            slot = (slot + 1) & mask;
+        }
+        slot
+    }
+}
