@@ -18,6 +18,6 @@ pub use hemisphere::{
     square_to_uniform_hemisphere, square_to_uniform_hemisphere_pdf, uniform_hemisphere_to_square,
 };
 pub use slice::{
-    cosine_hemisphere_to_square_slice, square_to_cosine_hemisphere_slice,
-    square_to_uniform_hemisphere_slice, uniform_hemisphere_to_square_slice,
+    cosine_hemisphere_to_square_slice, square_to_cosine_hemisphere_slice, square_to_uniform_hemisphere_slice,
+    uniform_hemisphere_to_square_slice,
 };
