@@ -25,6 +25,9 @@ pub(crate) enum Primitive {
 /// trees as deep as the row is long.
 const GROWTH: f32 = 1e-4;
 
+/// And by a hash of up to so many units in the last place, without which the growth of small boxes far from the origin would be rounded off.
+const ULPS: f32 = 4.0;
+
 /// Boxes grow by this share of the scene's diagonal besides: a triangle's sheared corners are rounded by some units of roundoff of their distance
 /// from the ray's origin, and a ray must enter the box of whatever triangle takes it.
 const PADDING: f32 = 4e-7;
@@ -44,10 +47,8 @@ impl Bvh {
             return Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
         }
         let boxes = boxes(primitives, &numbers);
-        let mut binary = clustered(&boxes);
-        if depth(&binary) > MAX_DEPTH {
-            binary = median::split(&boxes);
-        }
+        let binary = if clusters_badly(&boxes) { median::split(&boxes) } else { clustered(&boxes) };
+        let binary = if depth(&binary) > MAX_DEPTH { median::split(&boxes) } else { binary };
         let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
         bvh.widen(&binary, |slot| {
             let number = numbers[binary.primitive_indices[slot] as usize];
@@ -104,18 +105,14 @@ fn children(binary: &Bvh2, node: usize) -> Vec<usize> {
 fn boxes(primitives: &[Primitive], numbers: &[u32]) -> Vec<obvhs::aabb::Aabb> {
     let tight: Vec<Aabb> = numbers.iter().map(|&i| primitives[i as usize].bounds()).collect();
     let all = tight.iter().fold(Aabb::EMPTY, |all, &b| all.union(b));
-    let padding = PADDING * (all.max - all.min).length();
+    let padding = (PADDING * (all.max - all.min).length()).max(f32::MIN_POSITIVE);
     (numbers.iter().zip(tight))
         .map(|(&number, Aabb { min, max })| {
-            let extent = max - min;
-            let grow = |axis: u32| {
-                (padding + GROWTH * unit_hash(number, axis) * extent.to_array()[axis as usize % 3])
-                    .max(f32::MIN_POSITIVE)
+            let spread = GROWTH * (max - min) + ULPS * f32::EPSILON * min.abs().max(max.abs());
+            let grow = |side: u32| {
+                Vec3::from_array([0, 1, 2].map(|axis| unit_hash(number, 3 * side + axis))) * spread + padding
             };
-            obvhs::aabb::Aabb {
-                min: Vec3A::from(min - Vec3::new(grow(0), grow(1), grow(2))),
-                max: Vec3A::from(max + Vec3::new(grow(3), grow(4), grow(5))),
-            }
+            obvhs::aabb::Aabb { min: Vec3A::from(min - grow(0)), max: Vec3A::from(max + grow(1)) }
         })
         .collect()
 }
@@ -144,6 +141,16 @@ fn clustered(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
     collapse(&mut tree, 4, NODE_COST);
     reinsertion.run(&mut tree, 2.0 * REINSERTION, None);
     tree
+}
+
+/// Whether clustering would join the boxes one by one, which takes quadratic time: boxes within boxes do so, and so does a sample of them.
+fn clusters_badly(boxes: &[obvhs::aabb::Aabb]) -> bool {
+    const SAMPLE: usize = 1000;
+    if boxes.len() < 4 * SAMPLE {
+        return false;
+    }
+    let sample: Vec<_> = boxes.iter().step_by(boxes.len() / SAMPLE).copied().collect();
+    depth(&clustered(&sample)) > MAX_DEPTH / 2
 }
 
 /// Returns the number of levels.
