@@ -76,7 +76,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum)]
     term: Option<Term>,
     /// Exposure of the PNG in stops: 0 shows radiance 1 as white [default: the
-    /// scene's, or what brings nine tenths of the picture below 0.8]
+    /// scene's, or what brings nine tenths of the picture below a half]
     #[arg(long, value_name = "EV", value_parser = args::stops, allow_hyphen_values = true)]
     exposure: Option<f32>,
     /// Tell errors only
@@ -293,9 +293,12 @@ fn bounds(description: &Description) -> Aabb {
     meshes.chain(forms).fold(Aabb::EMPTY, Aabb::union)
 }
 
-/// The exposure that brings nine tenths of the pixels below 0.8, in quarters of a stop.
+/// The exposure that brings nine tenths of the pixels below a half, in quarters of a stop: the brightest tenth has one stop
+/// before it is clamped.
 fn automatic_exposure(size: UVec2, picture: &[Vec3]) -> f32 {
-    let factor = Image::new(size, picture).and_then(|picture| metrics::exposure(&picture)).unwrap_or(1.0);
+    // That of relMSE brings them below 0.8.
+    let factor =
+        Image::new(size, picture).and_then(|picture| metrics::exposure(&picture)).map_or(1.0, |e| e * 0.5 / 0.8);
     #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
     let stops = (4.0 * factor.log2()).round() as f32 / 4.0;
     stops.clamp(-32.0, 32.0)
