@@ -178,8 +178,12 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
     }
 
     fn row(&self, cells: &Cells, cell: u64, points: &[Shading], ray_count: usize) -> Row {
-        let mut row =
-            Row { direct: Vec3::ZERO, source: Vec3::ZERO, links: Vec::with_capacity(ray_count), rays: RayCounts::default() };
+        let mut row = Row {
+            direct: Vec3::ZERO,
+            source: Vec3::ZERO,
+            links: Vec::with_capacity(ray_count),
+            rays: RayCounts::default(),
+        };
         let share = 1.0 / ray_count as f32;
         for number in 0..ray_count {
             let point = &white(&points[number % points.len()]);

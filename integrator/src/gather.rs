@@ -4,7 +4,7 @@ use glam::{Vec3, Vec3A};
 use hemimap::Frame;
 use radcache::Samples;
 use reproject::{Traced, Tracer};
-use scene::{Scene, Surface};
+use scene::{Bsdf, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::secondary::{Follower, Secondary};
@@ -28,28 +28,57 @@ impl<S: Secondary> Gatherer<'_, S> {
             let mut sampler = Sampler::new(self.seed, key, u32::try_from(texel).expect("n <= 64"));
             samples.set_jitter(texel, sampler.next_2d());
             let wi = frame.to_world(samples.direction(texel));
-            let (traced, normal) = self.incident(surface, wi, &mut sampler, rays);
+            let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
+            let normal = found.map_or(-wi, |found| found.ng);
             samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
+            samples.view_dependent[texel] = found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
         }
+        settle_highlights(&mut samples);
         rays.gather += (n * n) as u64;
         samples
     }
 
-    /// What arrives at a surface along `wi`, and the normal of what is there. Directions below the geometric surface, which a
+    /// What arrives at a surface along `wi`, and the surface that is there. Directions below the geometric surface, which a
     /// shading normal may ask for, are black and infinitely far.
-    fn incident(&self, surface: &Surface, wi: Vec3A, sampler: &mut Sampler, rays: &mut RayCounts) -> (Traced, Vec3A) {
+    fn incident(
+        &self,
+        surface: &Surface,
+        wi: Vec3A,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> (Traced, Option<Surface>) {
         let nothing = Traced { radiance: Vec3::ZERO, distance: f32::INFINITY };
         if wi.dot(surface.ng) <= 0.0 {
-            return (nothing, -wi);
+            return (nothing, None);
         }
         let ray = surface.spawn(wi);
         let Some(hit) = self.scene.intersect(&ray) else {
-            return (Traced { radiance: soft_background(self.scene, self.sky.as_ref(), wi), ..nothing }, -wi);
+            return (Traced { radiance: soft_background(self.scene, self.sky.as_ref(), wi), ..nothing }, None);
         };
         let found = self.scene.surface(&ray, &hit);
         let follower = Follower { scene: self.scene, secondary: self.secondary };
         let radiance = follower.reflected(&ray, found, sampler, rays);
-        (Traced { radiance, distance: found.t }, found.ng)
+        (Traced { radiance, distance: found.t }, Some(found))
+    }
+}
+
+/// Whether what leaves a surface depends so much on the direction that another point sees something else: a narrow lobe.
+fn has_highlight(bsdf: &Bsdf) -> bool {
+    /// Wider lobes change less over the reach of a record than the texture blurs.
+    const WIDE: f32 = 0.5;
+    matches!(bsdf.specular, Specular::Ggx { alpha, .. } if alpha < WIDE)
+}
+
+/// Keeps the marks of view-dependent texels only where one of them shines: without a highlight, reflections change slowly.
+///
+/// All of them keep it then, the dark ones too, for a highlight moves from one to the other.
+fn settle_highlights(samples: &mut Samples) {
+    /// A highlight is so many times brighter than the mean.
+    const BRIGHT: f32 = 3.0;
+    let limit = BRIGHT * samples.mean_radiance().max_element();
+    let mut marked = samples.radiance.iter().zip(&samples.view_dependent).filter(|(_, marked)| **marked);
+    if !marked.any(|(radiance, _)| radiance.max_element() > limit) {
+        samples.view_dependent.fill(false);
     }
 }
 

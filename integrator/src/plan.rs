@@ -58,7 +58,11 @@ impl Plan {
             agreement: (0.1 / quality.sqrt()).clamp(0.01, 0.3),
             reproject: reproject::Settings::default(),
             verify_side: 2,
-            global_photons: if lit && features.diffuse && settings.secondary == SecondaryKind::Photons { photons } else { 0 },
+            global_photons: if lit && features.diffuse && settings.secondary == SecondaryKind::Photons {
+                photons
+            } else {
+                0
+            },
             caustic_photons: if lit && features.delta { 2 * photons } else { 0 },
             cell_rays: if features.diffuse && settings.secondary == SecondaryKind::Cells {
                 round(500_000.0 * quality, 50_000.0, 50_000_000.0)

@@ -46,9 +46,8 @@ pub fn render(
                 four_terms::render(scene, settings, &plan, &maps, &mut statistics, progress)
             } else {
                 let caustic = |surface: &Surface| maps.caustic_irradiance(surface.p, surface.ng);
-                let cells = statistics.time("cells", |statistics| {
-                    solve_cells(scene, settings, &plan, caustic, statistics, progress)
-                });
+                let cells = statistics
+                    .time("cells", |statistics| solve_cells(scene, settings, &plan, caustic, statistics, progress));
                 let source = CellSource { cells: &cells, caustic };
                 four_terms::render(scene, settings, &plan, &source, &mut statistics, progress)
             }

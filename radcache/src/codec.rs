@@ -94,7 +94,13 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
         return Err("its resolution is not in 1..=64");
     }
     let count = n * n;
-    let lengths = [samples.jitter.len(), samples.radiance.len(), samples.distance.len(), samples.normal.len()];
+    let lengths = [
+        samples.jitter.len(),
+        samples.radiance.len(),
+        samples.distance.len(),
+        samples.normal.len(),
+        samples.view_dependent.len(),
+    ];
     if lengths.iter().any(|&length| length != count) {
         return Err("a texture is not n x n");
     }
@@ -116,6 +122,7 @@ fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
         elements.start.len(),
         elements.size.len(),
         elements.sides.len(),
+        elements.view_dependent.len(),
     ]);
     if elements.len() > n * n || lengths.into_iter().any(|length| length != padded) {
         return Err("its arrays of elements differ in length");

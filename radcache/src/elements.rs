@@ -70,6 +70,8 @@ pub struct Elements {
     pub size: Vec<[u8; 2]>,
     /// Sides that are silhouettes.
     pub sides: Vec<Sides>,
+    /// Whether the radiance holds for the record only (see [`Samples::view_dependent`]).
+    pub view_dependent: Vec<bool>,
     /// Start of each layer, and the number of elements at the end.
     pub(crate) layer_starts: Vec<u32>,
 }
@@ -102,6 +104,7 @@ impl Elements {
             start: vec![[0; 2]; padded],
             size: vec![[0; 2]; padded],
             sides: vec![Sides::NONE; padded],
+            view_dependent: vec![false; padded],
             layer_starts,
         };
         for (e, block) in blocks.iter().enumerate() {
@@ -149,7 +152,8 @@ impl Elements {
     /// Bytes that the arrays take.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.padded_len() * (16 * size_of::<f32>() + 4 + size_of::<Sides>()) + self.layer_starts.len() * 4
+        self.padded_len() * (16 * size_of::<f32>() + 4 + size_of::<Sides>() + size_of::<bool>())
+            + self.layer_starts.len() * 4
     }
 
     fn fill(&mut self, e: usize, block: &Block, samples: &Samples, texel_sides: &[Sides]) {
@@ -175,6 +179,7 @@ impl Elements {
         }
         self.start[e] = block.start;
         self.size[e] = block.size;
+        self.view_dependent[e] = block.view_dependent;
         self.sides[e] = element_sides(texel_sides, n, [i0, j0], [w, h]);
     }
 }

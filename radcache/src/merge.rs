@@ -42,6 +42,7 @@ pub struct Block {
     /// Sum of the luminances.
     luminance_sum: f32,
     infinite: bool,
+    pub(crate) view_dependent: bool,
 }
 
 impl Block {
@@ -65,7 +66,8 @@ impl Block {
     }
 
     fn agrees(&self, other: &Self, settings: &MergeSettings) -> bool {
-        if self.layer != other.layer || self.infinite != other.infinite {
+        let kind = |block: &Self| (block.layer, block.infinite, block.view_dependent);
+        if kind(self) != kind(other) {
             return false;
         }
         let (la, lb) = (self.luminance_sum / self.count(), other.luminance_sum / other.count());
@@ -123,6 +125,7 @@ fn single(samples: &Samples, layers: &[u8], texel: usize) -> Block {
         normal_sum: samples.normal[texel].into(),
         luminance_sum: (l.x + l.y + l.z) / 3.0,
         infinite: samples.distance[texel].is_infinite(),
+        view_dependent: samples.view_dependent[texel],
     }
 }
 

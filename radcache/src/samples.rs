@@ -22,6 +22,9 @@ pub struct Samples {
     pub distance: Vec<f32>,
     /// Unit normal of the hit, turned to the record; any value where the distance is infinite.
     pub normal: Vec<Vec3>,
+    /// Whether the radiance is that of this direction only, as a highlight is, so that another point must look for itself: the
+    /// element then hides what is behind it, and is traced anew.
+    pub view_dependent: Vec<bool>,
 }
 
 impl Samples {
@@ -39,6 +42,7 @@ impl Samples {
             radiance: vec![Vec3::ZERO; count],
             distance: vec![f32::INFINITY; count],
             normal: vec![Vec3::Z; count],
+            view_dependent: vec![false; count],
         }
     }
 

@@ -140,8 +140,8 @@ impl Workspace {
     /// Projects the elements of a record to a point `p` with unit normal `n` in world space, nearest layer first.
     ///
     /// Bits that an element of a nearer layer filled, or that a nearer layer made unknown, are closed to it; what its own layer
-    /// made unknown counts from the next layer on (paper, section 5.3). An element that is seen from behind fills nothing and
-    /// makes unknown what it covers: the record knows only its front.
+    /// made unknown counts from the next layer on (paper, section 5.3). An element that is seen from behind, or whose radiance
+    /// depends on the view, fills nothing and makes unknown what it covers: the record knows only its front, from its own place.
     pub fn project(&mut self, record: &Record, p: Vec3A, n: Vec3A, settings: &Settings) -> Shares {
         self.place(record, p, n);
         let elements = record.elements();
@@ -315,11 +315,12 @@ impl Workspace {
         };
         let polygon = &polygon[..corners];
         let area = signed_area(polygon);
+        let hides_only = area <= 0.0 || elements.view_dependent[e];
         let owner = u16::try_from(e).expect("at most 64 x 64 elements");
         let (mut covered, mut visible) = (0, 0);
         let n = self.n;
         let set = |j: usize, bits: u64| {
-            if area <= 0.0 {
+            if hides_only {
                 self.trail[j] |= bits;
                 return;
             }
