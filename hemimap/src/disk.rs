@@ -89,7 +89,7 @@ pub(crate) fn from_disk(x: f32, y: f32) -> [f32; 2] {
     let lies = x.abs() > y.abs();
     let (along, across) = if lies { (x, y) } else { (y, x) };
     let length = (x * x + y * y).sqrt();
-    // Not `f32::min`: its rule for NaN costs three more instructions a lane.
+    // Not `f32::min`: its rule for NaN costs more than the one instruction that this is.
     let length = if length < 1.0 { length } else { 1.0 };
     let r = length.copysign(along);
     let q = r * (atan_unit(across / nonzero(along)) * (1.0 / FRAC_PI_4));
