@@ -126,7 +126,7 @@ impl RenderArgs {
 
         let start = Instant::now();
         let mut description = loaded.description;
-        description.camera = self.camera(&description);
+        description.camera = self.camera(&description)?;
         let scene =
             Scene::new(description).map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
         let settings = self.settings(&loaded.settings);
@@ -229,16 +229,17 @@ impl RenderArgs {
     }
 
     /// The scene's camera, overruled by the arguments. Where there is none, the whole scene is framed first.
-    fn camera(&self, description: &Description) -> Option<Camera> {
+    fn camera(&self, description: &Description) -> Result<Option<Camera>, Failure> {
         if self.eye.is_none() && self.at.is_none() && self.up.is_none() && self.fov.is_none() {
-            return description.camera;
+            return Ok(description.camera);
         }
         let mut camera = description.camera.unwrap_or_else(|| Camera::framing(bounds(description)));
         camera.eye = self.eye.unwrap_or(camera.eye);
         camera.at = self.at.unwrap_or(camera.at);
         camera.up = self.up.unwrap_or(camera.up);
         camera.fov_y_degrees = self.fov.unwrap_or(camera.fov_y_degrees);
-        Some(camera)
+        check_view(camera.eye, camera.at, Some(camera.up))?;
+        Ok(Some(camera))
     }
 
     /// The command with all that changes the picture: threads, names of outputs and the like are left out, so that the

@@ -50,6 +50,7 @@ fn wrong_arguments_are_refused_in_one_line() {
         ("render --eye 1,2,3 --at 1,2,3", "--eye and --at"),
         ("render --eye 0,0,0 --at 0,5,0 --up 0,-1,0", "--up"),
         ("render --eye 0,0,0 --at 0,5,0 --up 0,0,0", "--up"),
+        ("render --at=-0.1,1.45,3.45", "--eye and --at"), // where the embedded scene's camera stands
         ("render --fov 0", "--fov"),
         ("render --fov 180", "--fov"),
         ("render --fov nan", "--fov"),

@@ -76,7 +76,13 @@ fn files(folder: &str, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
 }
 
 fn render(scene: &str) -> Vec<String> {
-    ["render", scene, "--method=path", "--spp=1", "--size=4x4", "--threads=2", "--quiet"].map(String::from).to_vec()
+    render_by("path", scene)
+}
+
+fn render_by(method: &str, scene: &str) -> Vec<String> {
+    let words =
+        ["render", scene, "--method", method, "--quality=0.1", "--spp=1", "--size=4x4", "--threads=2", "--quiet"];
+    words.map(String::from).to_vec()
 }
 
 #[test]
@@ -91,6 +97,7 @@ fn odd_meshes_are_rendered_or_refused() {
     assert!(meshes.len() >= 38, "{} meshes", meshes.len());
     let loaded = check_all(&meshes, render);
     assert!(loaded >= 22, "most of them are merely odd, but only {loaded} load");
+    assert_eq!(check_all(&meshes, |mesh| render_by("reproject", mesh)), loaded, "the method does not matter");
     assert_eq!(check_all(&meshes, |mesh| vec!["info".into(), mesh.into()]), loaded, "info agrees with render");
 }
 
