@@ -225,6 +225,7 @@ fn faults_are_refused_by_line_and_field() {
         ),
         ("[[mesh]]\nmaterial = \"whit\"\n[[material]]\nname = \"white\"", 2, "no material 'whit'; write 'white'"),
         ("[environment]\nscale = 2", 1, "either file or radiance"),
+        ("[environment]\nradiance = 1e20\nscale = 1e30", 1, "the environment times"),
         ("[environment]\nfile = \"none.exr\"", 2, "'none.exr' cannot be read"),
         ("include = [\n\"none.toml\",\n]", 2, "'none.toml"),
         ("version = 2", 1, "version 2 of the scene file, only 1 is known"),

@@ -51,8 +51,13 @@ impl<'a> Loader<'a> {
         }
     }
 
-    /// Ends the work: a scene without light gets a sky.
-    pub(super) fn finish(mut self, settings: FileSettings, environment_scale: f32) -> Loaded {
+    /// Ends the work: a scene without light gets a sky, and the surroundings are scaled.
+    pub(super) fn finish(
+        mut self,
+        settings: FileSettings,
+        environment_scale: f32,
+        place: Place<'_>,
+    ) -> Result<Loaded, LoadError> {
         let shining: Vec<bool> =
             self.description.materials.iter().map(|material| material.emission != Vec3::ZERO).collect();
         let description = &mut self.description;
@@ -63,11 +68,10 @@ impl<'a> Loader<'a> {
         if !is_lit {
             description.environment = Some(Environment::sky());
         }
-        if environment_scale != 1.0 {
-            description.environment =
-                description.environment.take().map(|environment| environment.scaled(environment_scale));
+        if let Some(environment) = description.environment.take() {
+            description.environment = Some(scaled(environment, environment_scale, place)?);
         }
-        Loaded { description: self.description, settings, warnings: self.warnings.into_lines() }
+        Ok(Loaded { description: self.description, settings, warnings: self.warnings.into_lines() })
     }
 
     /// Adds a material; returns its index.
@@ -225,6 +229,19 @@ impl<'a> Loader<'a> {
         let marked = argument.replace("\\ ", BLANK);
         marked.split_ascii_whitespace().map(|word| word.replace(BLANK, " ")).collect()
     }
+}
+
+/// The environment times `factor`, which must leave it finite.
+pub(super) fn scaled(environment: Environment, factor: f32, place: Place<'_>) -> Result<Environment, LoadError> {
+    if !(factor.is_finite() && factor >= 0.0) {
+        let what = format!("the scale of the environment is {factor}");
+        return Err(place.invalid(what, "give a finite number of at least 0"));
+    }
+    let environment = environment.scaled(factor);
+    if environment.pixels.iter().all(|pixel| pixel.is_finite()) {
+        return Ok(environment);
+    }
+    Err(place.invalid(format!("the environment times {factor} is not finite"), "give a smaller scale"))
 }
 
 /// An index within the limits as the description holds it.

@@ -92,11 +92,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         let environment = loader.environment(environment, Place::file(environment))?;
         loader.description.environment = Some(environment);
     }
-    if !(options.environment_scale.is_finite() && options.environment_scale >= 0.0) {
-        let what = format!("the environment's scale is {}", options.environment_scale);
-        return Err(place.invalid(what, "give a finite number of at least 0"));
-    }
-    Ok(loader.finish(settings, options.environment_scale))
+    loader.finish(settings, options.environment_scale, place)
 }
 
 /// Loads a scene file that is part of the program, with the files it names: `files` holds their names and contents.
@@ -109,5 +105,5 @@ pub fn load_embedded(scene: &str, files: &[(&str, &[u8])]) -> Result<Loaded, Loa
     all.extend_from_slice(files);
     let mut loader = Loader::new(Files::Embedded(&all));
     let settings = scene_file::read(&mut loader, path)?;
-    Ok(loader.finish(settings, 1.0))
+    loader.finish(settings, 1.0, Place::file(path))
 }

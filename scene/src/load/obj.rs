@@ -94,6 +94,8 @@ fn assemble(source: tobj::Mesh, faces: &[Face], path: &Path, warnings: &mut Warn
     }
     warnings.add_times(format!("{file}: faces with missing normals or normals of length zero taken as flat"), flat);
     warnings.add_times(format!("{file}: polygons without area left out"), empty);
+    // No face uses them any longer, and a scene has no normals of length zero.
+    mesh.normals.iter_mut().filter(|n| **n == Vec3::ZERO).for_each(|n| *n = Vec3::Y);
     if faces.is_empty() {
         return Err(file.invalid("no faces", "give a file with polygons ('f' lines)"));
     }

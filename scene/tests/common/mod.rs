@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use scene::{LoadError, LoadOptions, Loaded, load};
+use scene::{LoadError, LoadOptions, Loaded, Scene, load};
 
 /// Writes `files` to a folder and loads the first; the error comes as its text without the folder.
 pub fn load_files(files: &[(&str, &[u8])]) -> Result<Loaded, String> {
@@ -21,7 +21,16 @@ pub fn load_files_with(files: &[(&str, &[u8])], options: &LoadOptions) -> Result
     }
     let environment = options.environment.as_ref().map(|name| folder.path().join(name));
     let options = LoadOptions { environment, ..options.clone() };
-    load(&folder.path().join(files[0].0), &options).map_err(|error| text_of(&error, folder.path()))
+    let loaded = load(&folder.path().join(files[0].0), &options).map_err(|error| text_of(&error, folder.path()))?;
+    assert_builds(&loaded);
+    Ok(loaded)
+}
+
+/// Asserts that a scene can be made of what was loaded: the readers leave nothing wrong.
+pub fn assert_builds(loaded: &Loaded) {
+    if let Err(error) = Scene::new(loaded.description.clone()) {
+        panic!("what was loaded cannot be built: {error}");
+    }
 }
 
 /// The text of an error, which is one line and says what to do, with paths relative to `folder`.

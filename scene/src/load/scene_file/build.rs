@@ -13,7 +13,7 @@ use crate::Camera;
 use crate::description::{FormObject, Material, Mesh, PunctualLight, SpecularKind};
 use crate::load::error::{LoadError, Place, nearest, quoted};
 use crate::load::files::check_name;
-use crate::load::loader::{Loader, Use, as_u32};
+use crate::load::loader::{Loader, Use, as_u32, scaled};
 use crate::load::{FileSettings, limits, obj, polygon};
 
 /// Angle of view of a camera that names none, degrees.
@@ -109,7 +109,7 @@ fn environment(
                 .invalid("an environment needs either file or radiance", "write one of them"));
         }
     };
-    Ok(scale.map_or(environment.clone(), |scale| environment.scaled(scale.0)))
+    scaled(environment, scale.map_or(1.0, |scale| scale.0), source.place(table.span()))
 }
 
 fn light(table: &LightTable) -> PunctualLight {
