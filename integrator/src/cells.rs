@@ -59,7 +59,7 @@ pub(crate) struct Cells {
 /// What cells are made from.
 pub(crate) struct CellBuilder<'a, C> {
     pub(crate) scene: &'a Scene,
-    pub(crate) sky: Option<SkySplit>,
+    pub(crate) sky: Option<&'a SkySplit>,
     /// Irradiance by caustics at a surface.
     pub(crate) caustic: C,
     pub(crate) seed: u64,
@@ -191,7 +191,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
-            let (light, _) = direct_light(self.scene, point, sampler.next_4d(), self.sky.as_ref(), &mut row.rays);
+            let (light, _) = direct_light(self.scene, point, sampler.next_4d(), self.sky, &mut row.rays);
             row.direct += light * pi;
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
@@ -221,7 +221,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
             row.rays.path += 1;
             let Some(hit) = self.scene.intersect(&ray) else {
                 if straight {
-                    row.direct += beta * pi * soft_background(self.scene, self.sky.as_ref(), ray.direction);
+                    row.direct += beta * pi * soft_background(self.scene, self.sky, ray.direction);
                 } else if let Some((_, pdf)) = glossy {
                     let weight = mis_weight(pdf, self.scene.lights().pdf_environment(ray.direction));
                     row.source += beta * pi * weight * self.scene.background(ray.direction);

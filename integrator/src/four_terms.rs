@@ -23,11 +23,11 @@ pub(crate) fn render<S: Secondary>(
     settings: &Settings,
     plan: &Plan,
     secondary: &S,
+    sky: Option<&SkySplit>,
     statistics: &mut Statistics,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Film {
     let mut film = Film::new(settings.size);
-    let sky = SkySplit::new(scene);
     let primary = Primary { scene, plan, secondary, sky, size: settings.size, seed: settings.seed };
     let indirect = IndirectTerm {
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },

@@ -16,7 +16,7 @@ use crate::statistics::RayCounts;
 pub(crate) struct Gatherer<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) secondary: &'a S,
-    pub(crate) sky: Option<SkySplit>,
+    pub(crate) sky: Option<&'a SkySplit>,
     pub(crate) seed: u64,
 }
 
@@ -53,7 +53,7 @@ impl<S: Secondary> Gatherer<'_, S> {
         }
         let ray = surface.spawn(wi);
         let Some(hit) = self.scene.intersect(&ray) else {
-            return (Traced { radiance: soft_background(self.scene, self.sky.as_ref(), wi), ..nothing }, None);
+            return (Traced { radiance: soft_background(self.scene, self.sky, wi), ..nothing }, None);
         };
         let found = self.scene.surface(&ray, &hit);
         let follower = Follower { scene: self.scene, secondary: self.secondary };

@@ -41,15 +41,18 @@ pub fn render(
         Method::Path => path::render(scene, settings, progress, &mut statistics),
         Method::Reproject | Method::Gather => {
             let plan = Plan::new(scene, settings);
+            let sky = statistics.time("lights", |_| SkySplit::new(scene));
+            let sky = sky.as_ref();
             let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
             if settings.secondary == SecondaryKind::Photons {
-                four_terms::render(scene, settings, &plan, &maps, &mut statistics, progress)
+                four_terms::render(scene, settings, &plan, &maps, sky, &mut statistics, progress)
             } else {
                 let caustic = |surface: &Surface| maps.caustic_irradiance(surface.p, surface.ng);
-                let cells = statistics
-                    .time("cells", |statistics| solve_cells(scene, settings, &plan, caustic, statistics, progress));
+                let cells = statistics.time("cells", |statistics| {
+                    solve_cells(scene, settings, &plan, sky, caustic, statistics, progress)
+                });
                 let source = CellSource { cells: &cells, caustic };
-                four_terms::render(scene, settings, &plan, &source, &mut statistics, progress)
+                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress)
             }
         }
     };
@@ -62,6 +65,7 @@ fn solve_cells(
     scene: &Scene,
     settings: &Settings,
     plan: &Plan,
+    sky: Option<&SkySplit>,
     caustic: impl Fn(&Surface) -> Vec3 + Sync,
     statistics: &mut Statistics,
     progress: &(dyn Fn(Progress) + Sync),
@@ -71,7 +75,7 @@ fn solve_cells(
     }
     progress(Progress { phase: "cells", done: 0.0 });
     let seed = hash_pair(settings.seed, CELL_STREAM);
-    let builder = CellBuilder { scene, sky: SkySplit::new(scene), caustic, seed, ray_budget: plan.cell_rays };
+    let builder = CellBuilder { scene, sky, caustic, seed, ray_budget: plan.cell_rays };
     let cells = builder.build(settings.size, &mut statistics.rays);
     statistics.memory_bytes += cells.memory_bytes() as u64;
     progress(Progress { phase: "cells", done: 1.0 });

@@ -220,7 +220,9 @@ pub(crate) fn direct_light(
 ) -> (Vec3, Vec3) {
     let Shading { surface, frame, bsdf, wo } = shading;
     let nothing = (Vec3::ZERO, Vec3::ZERO);
-    let Some(light) = scene.lights().sample(surface.p, surface.n, u[0], Vec2::new(u[1], u[2])) else {
+    // Where the glossy part is wanted too, its density must be that of the other technique's weight.
+    let lights = sky.filter(|_| !bsdf.has_glossy()).map_or(scene.lights(), SkySplit::lights);
+    let Some(light) = lights.sample(surface.p, surface.n, u[0], Vec2::new(u[1], u[2])) else {
         return nothing;
     };
     let wi = frame.to_local(light.wi);

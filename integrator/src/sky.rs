@@ -10,13 +10,15 @@
 //! The soft part is taken from textures, the hard one by light sampling; their sum is the light, so nothing is lost or doubled.
 
 use glam::{Vec2, Vec3, Vec3A};
-use scene::Scene;
+use scene::{Lights, Scene};
 
 /// The cut between the soft and the hard part of the surroundings.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug)]
 pub struct SkySplit {
     /// Luminance above which light is hard, W m^-2 sr^-1.
     threshold: f32,
+    /// The lights of the scene with the surroundings sampled by their hard part alone.
+    lights: Lights,
 }
 
 impl SkySplit {
@@ -39,14 +41,23 @@ impl SkySplit {
         let mean = sum / (2 * SIDE * SIDE) as f64;
         #[expect(clippy::cast_possible_truncation, reason = "a radiance of f32 range")]
         let threshold = (FACTOR * mean * mean) as f32;
-        (threshold > 0.0).then_some(Self { threshold })
+        if threshold <= 0.0 {
+            return None;
+        }
+        let lights = scene.lights().with_environment_weight(|radiance| radiance - soft(radiance, threshold));
+        Some(Self { threshold, lights })
+    }
+
+    /// The lights that are left when textures carry the soft part.
+    #[must_use]
+    pub fn lights(&self) -> &Lights {
+        &self.lights
     }
 
     /// The part of the radiance that textures carry.
     #[must_use]
     pub fn soft(&self, radiance: Vec3) -> Vec3 {
-        let luminance = luminance(radiance);
-        if luminance > self.threshold { radiance * (self.threshold / luminance) } else { radiance }
+        soft(radiance, self.threshold)
     }
 
     /// The rest, for light sampling.
@@ -54,6 +65,11 @@ impl SkySplit {
     pub fn hard(&self, radiance: Vec3) -> Vec3 {
         radiance - self.soft(radiance)
     }
+}
+
+fn soft(radiance: Vec3, threshold: f32) -> Vec3 {
+    let luminance = luminance(radiance);
+    if luminance > threshold { radiance * (threshold / luminance) } else { radiance }
 }
 
 /// Luminance of linear Rec. 709 RGB.

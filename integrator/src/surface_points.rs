@@ -68,7 +68,7 @@ pub(crate) struct Primary<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) plan: &'a Plan,
     pub(crate) secondary: &'a S,
-    pub(crate) sky: Option<SkySplit>,
+    pub(crate) sky: Option<&'a SkySplit>,
     pub(crate) size: UVec2,
     pub(crate) seed: u64,
 }

@@ -16,7 +16,7 @@ pub(crate) struct DirectTerm<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) plan: &'a Plan,
     pub(crate) secondary: &'a S,
-    pub(crate) sky: Option<SkySplit>,
+    pub(crate) sky: Option<&'a SkySplit>,
 }
 
 /// Light of a primary sample.
@@ -34,7 +34,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let mut light = Light::default();
         let count = self.plan.light_samples;
         for _ in 0..count {
-            let (diffuse, specular) = direct_light(self.scene, shading, sampler.next_4d(), self.sky.as_ref(), rays);
+            let (diffuse, specular) = direct_light(self.scene, shading, sampler.next_4d(), self.sky, rays);
             light.direct += (diffuse + specular) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {

@@ -1,7 +1,7 @@
 //! A choice among many by weight.
 
 /// Probabilities and their sums, for inversion: neighbouring numbers choose neighbouring lights, which keeps stratified numbers stratified.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Choice {
     /// Sum of the weights up to and including each; f64, for 10^6 equal weights would be unequal in f32.
     sums: Vec<f64>,

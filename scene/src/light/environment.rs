@@ -13,7 +13,7 @@ use crate::Environment;
 use crate::environment::direction_to_uv;
 
 /// The surroundings with a table of where they are bright.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct EnvironmentLight {
     environment: Environment,
     /// For each row the sums of its cells' shares, `width + 1` numbers from 0 to 1.
@@ -48,6 +48,16 @@ impl EnvironmentLight {
         let integral = integral.as_vec3();
         let cosines = cosines.into_iter().map(narrow).collect();
         (integral.max_element() > 0.0).then_some(Self { environment, columns, rows, cosines, integral })
+    }
+
+    /// Returns the same surroundings with a table of where `weight` of their radiance is bright; `None` where it is black.
+    pub(super) fn weighted(&self, weight: impl Fn(Vec3) -> Vec3) -> Option<Self> {
+        let mut important = self.environment.clone();
+        for pixel in &mut important.pixels {
+            *pixel = weight(*pixel);
+        }
+        let table = Self::new(important)?;
+        Some(Self { environment: self.environment.clone(), ..table })
     }
 
     #[inline]

@@ -16,7 +16,7 @@ use environment::EnvironmentLight;
 pub(crate) use triangle::TriangleLight;
 
 /// All lights of a scene.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Lights {
     /// In the order of their primitives.
     triangles: Vec<TriangleLight>,
@@ -71,6 +71,15 @@ impl Lights {
         let surroundings = Sphere { centre: bounds.centre().into(), radius: if radius > 0.0 { radius } else { 1.0 } };
         let punctual: Vec<_> = punctual.into_iter().map(punctual::normalised).collect();
         let environment = environment.and_then(EnvironmentLight::new);
+        Self::from_parts(triangles, punctual, environment, surroundings)
+    }
+
+    fn from_parts(
+        triangles: Vec<TriangleLight>,
+        punctual: Vec<PunctualLight>,
+        environment: Option<EnvironmentLight>,
+        surroundings: Sphere,
+    ) -> Self {
         let fluxes = (triangles.iter().map(TriangleLight::flux))
             .chain(punctual.iter().map(|light| punctual::flux(light, &surroundings)))
             .chain(environment.iter().map(|light| light.flux(&surroundings)));
@@ -84,6 +93,16 @@ impl Lights {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.choice.is_empty()
+    }
+
+    /// Returns the same lights with the environment chosen, and directions to it, by `weight` of its radiance instead of all of it.
+    ///
+    /// What [`Lights::sample`] gives is still the whole radiance: this is for who takes only a part of it, such as the sun. Where the
+    /// weight is 0 no direction is sampled.
+    #[must_use]
+    pub fn with_environment_weight(&self, weight: impl Fn(Vec3) -> Vec3) -> Self {
+        let environment = self.environment.as_ref().and_then(|light| light.weighted(weight));
+        Self::from_parts(self.triangles.clone(), self.punctual.clone(), environment, self.surroundings)
     }
 
     /// Returns the number of lights: emissive triangles, point and directional lights, and the environment.

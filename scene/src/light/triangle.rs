@@ -14,7 +14,7 @@ use super::{Emission, LightSample};
 use crate::{Ray, Surface, surface};
 
 /// An emissive triangle.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct TriangleLight {
     corners: [Vec3; 3],
     /// Unit normal of the front.
