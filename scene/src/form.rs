@@ -76,13 +76,9 @@ impl Form {
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let missed = if missed <= reach { missed as f32 } else { (reach as f32).abs() };
         let rounded = p.as_vec3a();
-        let p_error = rounded.abs().max_element() * POSITION_ERROR + missed + f32::MIN_POSITIVE;
-        FormPoint {
-            p: rounded,
-            n: n.as_vec3a().normalize_or(-ray.direction),
-            uv: self.solid.texture_coordinates(p).as_vec2(),
-            p_error,
-        }
+        let n = n.as_vec3a().normalize_or(-ray.direction);
+        let p_error = rounded.abs().dot(n.abs()) * POSITION_ERROR + missed;
+        FormPoint { p: rounded, n, uv: self.solid.texture_coordinates(p).as_vec2(), p_error }
     }
 }
 

@@ -29,7 +29,7 @@ pub struct Surface {
     pub material: u32,
     /// Index of the triangle or free form, as in [`Hit`](crate::Hit).
     pub primitive: u32,
-    /// Bound of each component's distance from the true surface, metres.
+    /// Bound of the distance from the true surface along `ng`, metres.
     pub p_error: f32,
 }
 
@@ -94,11 +94,10 @@ impl Surface {
     }
 }
 
-/// Returns `p` moved along the normal to the side to which `direction` points, by just more than the error of its components.
+/// Returns `p` moved along the normal to the side to which `direction` points, by just more than its error along the normal.
 #[inline]
 pub(crate) fn offset(p: Vec3A, ng: Vec3A, p_error: f32, direction: Vec3A) -> Vec3A {
-    let reach = p_error * ng.abs().element_sum();
-    let offset = if direction.dot(ng) < 0.0 { -ng } else { ng } * reach;
+    let offset = if direction.dot(ng) < 0.0 { -ng } else { ng } * p_error;
     let moved = p + offset;
     // The sum is rounded once more: away from the surface.
     Vec3A::new(away(moved.x, offset.x), away(moved.y, offset.y), away(moved.z, offset.z))

@@ -94,10 +94,10 @@ impl Triangles {
         let [a, b, c] = self.corners(triangle).map(Vec3A::from);
         let weight = 1.0 - barycentrics.x - barycentrics.y;
         let (pa, pb, pc) = (a * weight, b * barycentrics.x, c * barycentrics.y);
-        let p_error = (pa.abs() + pb.abs() + pc.abs()).max_element() * POSITION_ERROR;
         let normal = (b - a).cross(c - a);
         // Squares of the edges of very small or thin triangles leave the range of f32.
         let ng = normal.try_normalize().unwrap_or_else(|| self.area_normal(triangle).normalize_or(DVec3::Z).as_vec3a());
+        let p_error = (pa.abs() + pb.abs() + pc.abs()).dot(ng.abs()) * POSITION_ERROR;
         let n = match self.normal_corners.get(triangle) {
             Some(indices) if !indices.contains(&NO_INDEX) => {
                 let [a, b, c] = indices.map(|i| Vec3A::from(self.normals[i as usize]));

@@ -113,7 +113,8 @@ impl TriangleLight {
         let direction = frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction));
         let p = self.point(u_position);
         let largest = self.corners.iter().fold(Vec3::ZERO, |largest, corner| largest.max(corner.abs()));
-        let origin = surface::offset(p, self.normal, largest.max_element() * POSITION_ERROR, direction);
+        let p_error = Vec3A::from(largest).dot(self.normal.abs()) * POSITION_ERROR;
+        let origin = surface::offset(p, self.normal, p_error, direction);
         Emission { ray: Ray::new(origin, direction), flux: self.flux() }
     }
 

@@ -1,0 +1,359 @@
+//! Surfaces as rays meet them: offsets, sides, normals, holes, free forms, and what is refused.
+
+use glam::{DVec3, UVec2, Vec2, Vec3, Vec3A};
+use scene::freeform::{FreeForm, Quadric, Solid};
+use scene::{
+    BuildError, Camera, Description, FormObject, Material, Mesh, NO_INDEX, Ray, Scene, SpecularKind, Surface, Texture,
+};
+
+/// A stream of numbers in [0, 1) (PCG).
+struct Random(u32);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let word = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
+        (((word >> 22) ^ word) >> 8) as f32 / 16_777_216.0
+    }
+
+    fn pair(&mut self) -> Vec2 {
+        Vec2::new(self.next(), self.next())
+    }
+}
+
+/// A parallelogram.
+fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Mesh {
+    Mesh {
+        name: "quad".into(),
+        positions: vec![corner, corner + u, corner + u + v, corner + v],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        materials: vec![0; 2],
+        ..Mesh::default()
+    }
+}
+
+fn built(meshes: Vec<Mesh>, material: Material) -> Scene {
+    Scene::new(Description { meshes, materials: vec![material], ..Description::default() }).unwrap()
+}
+
+fn sphere(centre: DVec3, radius: f64, material: Material) -> Scene {
+    let solid = Solid::Form(FreeForm::new(Quadric::sphere(centre, radius).unwrap(), vec![]).unwrap());
+    let forms = vec![FormObject { name: "ball".into(), solid, material: 0 }];
+    Scene::new(Description { forms, materials: vec![material], ..Description::default() }).unwrap()
+}
+
+fn met(scene: &Scene, ray: &Ray) -> Surface {
+    scene.surface(ray, &scene.intersect(ray).expect("something is met"))
+}
+
+#[test]
+fn offset_does_not_change_the_picture() {
+    // A slope of ten squares that do not lie on f32 numbers, moved ever farther: no ray to the open sky is stopped by what it leaves.
+    let normal = Vec3::new(0.3, 0.9, -0.2).normalize();
+    let u = normal.any_orthonormal_vector() * 10.0;
+    let v = normal.cross(u);
+    for centre in [Vec3::ZERO, Vec3::splat(1e2), Vec3::new(1e4, -1e4, 1e4)] {
+        let scene = built(vec![quad(centre - 0.5 * (u + v), u, v)], Material::default());
+        let mut random = Random(1);
+        for _ in 0..100_000 {
+            let target = centre + u * (0.9 * (random.next() - 0.5)) + v * (0.9 * (random.next() - 0.5));
+            let side = if random.next() < 0.5 { normal } else { -normal };
+            let origin = Vec3A::from(target + side * 3.0 + u * (random.next() - 0.5));
+            let ray = Ray::new(origin, (Vec3A::from(target) - origin).normalize());
+            let Some(hit) = scene.intersect(&ray) else { continue };
+            let surface = scene.surface(&ray, &hit);
+            let frame = hemimap::Frame::from_normal(surface.ng);
+            let up = frame.to_world(hemimap::square_to_cosine_hemisphere(random.pair()));
+            assert!(!scene.occluded(&surface.spawn(up)), "blocked at {} towards {up}", surface.p);
+            assert!(!scene.occluded(&surface.spawn(-up)), "blocked at {} on the way through", surface.p);
+            let above = surface.spawn(surface.ng).origin + 0.1 * surface.ng;
+            assert!(scene.occluded(&Ray::new(above, -surface.ng)), "it does block others");
+        }
+    }
+}
+
+#[test]
+fn grazing_rays_neither_leak_nor_hit_what_they_leave() {
+    let scene = built(vec![quad(Vec3::new(-50.0, 0.1, -50.0), Vec3::Z * 100.0, Vec3::X * 100.0)], Material::default());
+    let mut random = Random(2);
+    for angle in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6f32] {
+        for _ in 0..2000 {
+            let (sin, cos) = (std::f32::consts::TAU * random.next()).sin_cos();
+            let down = Vec3A::new(cos, -angle, sin).normalize();
+            // From so low that the floor is met within it; at 1e-6 a height of 1e-5 is some hundred units in the last place.
+            let height = 10.0 * angle;
+            let origin = Vec3A::new(20.0 * (random.next() - 0.5), 0.1 + height, 20.0 * (random.next() - 0.5));
+            let ray = Ray::new(origin, down);
+            let surface = met(&scene, &ray);
+            assert!(surface.front, "from above");
+            let up = Vec3A::new(down.x, -down.y, down.z);
+            assert!(!scene.occluded(&surface.spawn(up)), "reflected at {angle}");
+            assert!(!scene.occluded(&surface.spawn(down)), "through at {angle}");
+        }
+    }
+}
+
+#[test]
+fn shadow_rays_end_before_their_light() {
+    let (floor, lamp) = (quad(Vec3::ZERO, Vec3::Z, Vec3::X), quad(Vec3::Y, Vec3::X, Vec3::Z));
+    let scene = built(vec![floor, lamp], Material::default());
+    let mut random = Random(3);
+    for _ in 0..20_000 {
+        let ray = Ray::new(Vec3A::new(random.next(), 0.5, random.next()), -Vec3A::Y);
+        let surface = met(&scene, &ray);
+        let light = Vec3A::new(random.next(), 1.0, random.next());
+        assert!(!scene.occluded(&surface.spawn_to(light)), "{} to {light}", surface.p);
+        assert!(
+            scene.occluded(&surface.spawn_to(light + (light - surface.p))),
+            "something stands before what is farther"
+        );
+        let wi = (light - surface.p).normalize();
+        assert!(!scene.occluded(&surface.shadow_ray(wi, light.distance(surface.p))), "by distance");
+        assert!(scene.occluded(&surface.shadow_ray(wi, f32::INFINITY)), "to the sky");
+    }
+    let surface = met(&scene, &Ray::new(Vec3A::splat(0.5), -Vec3A::Y));
+    assert!(!scene.occluded(&surface.spawn_to(surface.p)), "to itself");
+}
+
+#[test]
+fn sides_and_normals_are_those_of_the_viewer() {
+    let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    mesh.normals = vec![Vec3::new(1.0, 0.0, 0.2), Vec3::Z];
+    mesh.normal_indices = vec![[0; 3], [1, 1, NO_INDEX]];
+    let scene = built(vec![mesh], Material::default());
+    let lower = Vec3A::new(0.7, 0.3, 0.0);
+    let above = met(&scene, &Ray::new(lower + Vec3A::Z, -Vec3A::Z));
+    assert!(above.front && (above.ng - Vec3A::Z).length() < 1e-6, "the front is where corners are counter-clockwise");
+    assert!((above.n - Vec3A::new(1.0, 0.0, 0.2).normalize()).length() < 1e-6, "an interpolated normal: {}", above.n);
+    let below = met(&scene, &Ray::new(lower - Vec3A::Z, Vec3A::Z));
+    assert!(
+        !below.front && (below.ng + above.ng).length() < 1e-6 && (below.n + above.n).length() < 1e-6,
+        "turned to the viewer"
+    );
+    assert_eq!(
+        met(&scene, &Ray::new(Vec3A::new(0.3, 0.7, 1.0), -Vec3A::Z)).n,
+        Vec3A::Z,
+        "flat where a corner has none"
+    );
+    // From -x the interpolated normal points away: it is tilted to the viewer and stays in the plane of both.
+    let direction = Vec3A::new(1.0, 0.0, -0.5).normalize();
+    let tilted = met(&scene, &Ray::new(lower - direction, direction));
+    let cosine = -tilted.n.dot(direction);
+    assert!(cosine > 0.0 && cosine < 0.01 && (tilted.n.length() - 1.0).abs() < 1e-6, "{}", tilted.n);
+}
+
+#[test]
+fn fronts_alone_shine() {
+    let material = Material { emission: Vec3::splat(3.0), ..Material::default() };
+    let scene = built(vec![quad(Vec3::ZERO, Vec3::X, Vec3::Y)], material);
+    let middle = Vec3A::new(0.5, 0.4, 0.0);
+    assert_eq!(scene.emission(&met(&scene, &Ray::new(middle + Vec3A::Z, -Vec3A::Z))), Vec3::splat(3.0), "the front");
+    assert_eq!(scene.emission(&met(&scene, &Ray::new(middle - Vec3A::Z, Vec3A::Z))), Vec3::ZERO, "the back");
+    assert!(scene.features().area_lights && !scene.features().emissive_unsampled, "it is sampled");
+}
+
+#[test]
+fn holes_let_their_share_pass() {
+    // Half there, in front of nothing.
+    let scene = built(vec![quad(Vec3::ZERO, Vec3::X, Vec3::Y)], Material { opacity: 0.25, ..Material::default() });
+    let mut random = Random(4);
+    let mut stopped = 0;
+    for _ in 0..40_000 {
+        let ray = Ray::new(Vec3A::new(random.next(), random.next(), 1.0), -Vec3A::Z);
+        let hit = scene.intersect(&ray);
+        assert_eq!(hit.is_some(), scene.occluded(&ray), "both agree");
+        assert_eq!(hit, scene.intersect(&ray), "and repeat");
+        stopped += u32::from(hit.is_some());
+    }
+    // Five binomial deviations.
+    assert!((f64::from(stopped) - 10_000.0).abs() < 5.0 * (40_000.0f64 * 0.25 * 0.75).sqrt(), "{stopped} of 40000");
+    // A mask: left black, right white, with coordinates across the square.
+    let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    mesh.uv_indices = mesh.triangles.clone();
+    let textures = vec![Texture::from_srgb8(4, 1, vec![[0; 3], [0; 3], [255; 3], [255; 3]])];
+    let materials = vec![Material { opacity_texture: Some(0), ..Material::default() }];
+    let scene = Scene::new(Description { meshes: vec![mesh], materials, textures, ..Description::default() }).unwrap();
+    let passes = |x: f32| scene.intersect(&Ray::new(Vec3A::new(x, 0.5, 1.0), -Vec3A::Z)).is_none();
+    assert!(passes(0.2) && passes(0.3) && !passes(0.7) && !passes(0.8), "by the mask");
+}
+
+#[test]
+fn textures_color_surfaces() {
+    let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    mesh.uv_indices = mesh.triangles.clone();
+    let textures = vec![Texture::from_linear(1, 2, vec![Vec3::X, Vec3::Y])];
+    let reflectance = Vec3::splat(0.25);
+    let specular = SpecularKind::Ggx { alpha: 0.2, reflectance, schlick: false };
+    let materials =
+        vec![Material { diffuse: Vec3::splat(0.8), diffuse_texture: Some(0), specular, ..Material::default() }];
+    let scene = Scene::new(Description { meshes: vec![mesh], materials, textures, ..Description::default() }).unwrap();
+    let at = |y: f32| scene.bsdf(&met(&scene, &Ray::new(Vec3A::new(0.5, y, 1.0), -Vec3A::Z))).diffuse;
+    assert!(
+        (at(0.25) - 0.6 * Vec3::Y).length() < 1e-5,
+        "the lowest row at v = 0, scaled by what gloss leaves: {}",
+        at(0.25)
+    );
+    assert!((at(0.75) - 0.6 * Vec3::X).length() < 1e-5, "the first row on top: {}", at(0.75));
+}
+
+#[test]
+fn free_forms_are_met_exactly_and_left_safely() {
+    let centre = DVec3::new(100.0, -30.0, 7.0);
+    let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::new(0.0, 0.5, 1.0) };
+    let scene = sphere(centre, 2.0, Material { specular: glass, ..Material::default() });
+    assert!(scene.features().absorbing && scene.features().delta && scene.form_count() == 1, "its features");
+    let mut random = Random(5);
+    for _ in 0..20_000 {
+        let outward = hemimap::square_to_uniform_hemisphere(random.pair());
+        let aim = centre.as_vec3a() + 1.9 * Vec3A::new(random.next() - 0.5, random.next() - 0.5, 0.0);
+        let origin = aim + outward * 20.0;
+        let ray = Ray::new(origin, -outward);
+        let enter = met(&scene, &ray);
+        let radius = (enter.p.as_dvec3() - centre).length();
+        assert!((radius - 2.0).abs() < 1e-5 && enter.front, "on the sphere: {radius}");
+        assert!((enter.ng.as_dvec3() - (enter.p.as_dvec3() - centre) / 2.0).length() < 1e-5, "the outward normal");
+        assert_eq!(scene.transmittance(&enter), Vec3::ONE, "outside nothing absorbs");
+        assert!(!scene.occluded(&enter.spawn(enter.ng)), "outwards is free");
+        let inside = enter.spawn(-enter.ng);
+        let leave = met(&scene, &inside);
+        assert!(!leave.front && (leave.t - 4.0).abs() < 1e-3, "through the middle: {}", leave.t);
+        let expected = (-Vec3::new(0.0, 0.5, 1.0) * leave.t).exp();
+        assert!((scene.transmittance(&leave) - expected).abs().max_element() < 1e-6, "Beer's law");
+        assert!(!scene.occluded(&leave.spawn(-leave.ng)), "out again is free");
+        assert!(scene.occluded(&leave.spawn(leave.ng)), "back again is not");
+    }
+}
+
+#[test]
+fn unbounded_forms_stand_beside_the_tree() {
+    let ground = Solid::Form(FreeForm::new(Quadric::half_space(DVec3::ZERO, DVec3::Y).unwrap(), vec![]).unwrap());
+    let forms = vec![FormObject { name: "ground".into(), solid: ground, material: 0 }];
+    let meshes = vec![quad(Vec3::Y, Vec3::Z, Vec3::X)];
+    let scene =
+        Scene::new(Description { forms, meshes, materials: vec![Material::default()], ..Description::default() })
+            .unwrap();
+    let at = |x: f32| met(&scene, &Ray::new(Vec3A::new(x, 2.0, 0.5), -Vec3A::Y));
+    assert_eq!((at(0.3).primitive, at(5.0).primitive), (0, 2), "the square before the ground, the ground beside it");
+    assert!((at(5.0).p.y).abs() < 1e-5 && at(5.0).front, "on the ground");
+    assert!(scene.occluded(&Ray::new(Vec3A::new(9.0, 1.0, 9.0), -Vec3A::Y)), "the ground blocks");
+    assert!(scene.bounds().max.x < 2.0, "bounds are those of what is bounded");
+}
+
+#[test]
+fn slab_with_absorption_sums_its_internal_reflections() {
+    // Index, angle, absorption times thickness; transmitted and reflected share by the geometric series.
+    for (n, degrees, sd, through, back) in [
+        (1.5, 0.0f32, 0.0, 0.923_077, 0.076_923),
+        (1.5, 0.0, 1.0, 0.339_111, 0.044_990),
+        (1.5, 60.0, 0.5, 0.450_739, 0.110_978),
+        (1.8, 45.0, 0.2, 0.664_855, 0.143_549),
+    ] {
+        let specular = SpecularKind::Dielectric { ior: n, tint: Vec3::ONE, absorption: Vec3::splat(sd) };
+        let (u, v) = (Vec3::X * 2000.0, Vec3::Y * 2000.0);
+        let corner = -0.5 * (u + v);
+        let scene =
+            built(vec![quad(corner, u, v), quad(corner - Vec3::Z, v, u)], Material { specular, ..Material::default() });
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let mut found = [0.0f64; 2];
+        // All branches of the tree of reflections, until they carry nothing.
+        let mut todo = vec![(Ray::new(Vec3A::new(0.0, 0.0, 1.0), Vec3A::new(sin, 0.0, -cos)), 1.0)];
+        while let Some((ray, flux)) = todo.pop() {
+            let Some(hit) = scene.intersect(&ray) else {
+                found[usize::from(ray.direction.z > 0.0)] += flux;
+                continue;
+            };
+            let surface = scene.surface(&ray, &hit);
+            let flux = flux * f64::from(scene.transmittance(&surface).x);
+            if flux < 1e-9 {
+                continue;
+            }
+            let frame = hemimap::Frame::from_normal(surface.n);
+            for branch in scene.bsdf(&surface).delta_branches(frame.to_local(-ray.direction)).into_iter().flatten() {
+                todo.push((
+                    surface.spawn(frame.to_world(branch.wi)),
+                    flux * f64::from(branch.weight.x / branch.radiance_scale),
+                ));
+            }
+        }
+        assert!(
+            (found[0] - through).abs() < 2e-5 && (found[1] - back).abs() < 2e-5,
+            "n {n}, {degrees} degrees: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn camera_sees_right_and_up() {
+    let camera = Camera { eye: Vec3::ZERO, at: -Vec3::Z, up: Vec3::new(0.0, 2.0, 0.5), fov_y_degrees: 90.0 };
+    let size = UVec2::new(200, 100);
+    let close = |a: Vec3A, b: Vec3| (a - Vec3A::from(b.normalize())).length() < 1e-6;
+    assert!(close(camera.ray(Vec2::new(100.0, 50.0), size).direction, -Vec3::Z), "the middle");
+    assert!(
+        close(camera.ray(Vec2::new(100.0, 0.0), size).direction, Vec3::new(0.0, 1.0, -1.0)),
+        "the upper edge, half of 90 degrees"
+    );
+    assert!(
+        close(camera.ray(Vec2::new(200.0, 50.0), size).direction, Vec3::new(2.0, 0.0, -1.0)),
+        "the right edge: forward x up"
+    );
+    assert!((camera.pixel_angle(size) - 0.02).abs() < 1e-6, "a hundredth of the height at distance 1");
+    // A framed scene is in the picture as a whole.
+    let scene = built(vec![quad(Vec3::splat(3.0), Vec3::X * 8.0, Vec3::Y)], Material::default());
+    let camera = *scene.camera();
+    let forward = (camera.at - camera.eye).normalize();
+    for corner in [Vec3::splat(3.0), Vec3::new(11.0, 4.0, 3.0)] {
+        let cosine = (corner - camera.eye).normalize().dot(forward);
+        assert!(cosine >= (0.5 * camera.fov_y_degrees).to_radians().cos() - 1e-5, "{corner} is in the picture");
+    }
+}
+
+#[test]
+fn what_is_wrong_is_refused_by_name() {
+    let good = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    let refused = |mesh: Mesh, material: Material| {
+        Scene::new(Description { meshes: vec![mesh], materials: vec![material], ..Description::default() })
+            .map(|_| ())
+            .unwrap_err()
+            .to_string()
+    };
+    let mut mesh = good.clone();
+    mesh.positions[2].y = f32::NAN;
+    assert_eq!(refused(mesh, Material::default()), "mesh \"quad\", position 2: is not finite or beyond 1e12", "a NaN");
+    let mut mesh = good.clone();
+    mesh.triangles[1][0] = 4;
+    assert_eq!(refused(mesh, Material::default()), "mesh \"quad\", triangle 1: position 4 of 4", "an index");
+    let mut mesh = good.clone();
+    mesh.materials[1] = 7;
+    assert_eq!(refused(mesh, Material::default()), "mesh \"quad\", triangle 1: material 7 of 1", "a material");
+    let named = |change: &dyn Fn(&mut Material)| {
+        let mut material = Material { name: "m".into(), ..Material::default() };
+        change(&mut material);
+        refused(good.clone(), material)
+    };
+    assert!(named(&|m| m.diffuse.x = 1.5).starts_with("material \"m\" (0): the diffuse"), "albedo above 1");
+    assert!(named(&|m| m.emission.y = f32::INFINITY).contains("emission"), "an infinite emission");
+    assert!(named(&|m| m.opacity = f32::NAN).contains("opacity"), "opacity");
+    assert!(named(&|m| m.diffuse_texture = Some(0)).contains("texture"), "a texture");
+    let glass = SpecularKind::Dielectric { ior: 0.0, tint: Vec3::ONE, absorption: Vec3::ZERO };
+    assert!(named(&|m| m.specular = glass).contains("refractive index"), "an index of 0");
+    assert!(
+        named(&|m| m.specular = SpecularKind::Ggx { alpha: 0.0, reflectance: Vec3::ONE, schlick: false })
+            .contains("roughness"),
+        "a width of 0"
+    );
+    let camera = Some(Camera { eye: Vec3::ONE, at: Vec3::ONE, up: Vec3::Y, fov_y_degrees: 40.0 });
+    let error = Scene::new(Description { camera, ..Description::default() }).map(|_| ()).unwrap_err();
+    assert_eq!(error, BuildError::Camera("eye and at are the same point"), "a camera that looks nowhere");
+}
+
+#[test]
+fn triangles_of_no_area_keep_the_numbering() {
+    let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    mesh.triangles.insert(0, [1, 1, 2]);
+    mesh.materials.push(0);
+    let scene = built(vec![mesh], Material::default());
+    let hit = scene.intersect(&Ray::new(Vec3A::new(0.7, 0.3, 1.0), -Vec3A::Z)).unwrap();
+    assert_eq!((hit.primitive, scene.triangle_count()), (1, 3), "the second triangle");
+}
