@@ -33,13 +33,13 @@ fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Mesh {
 }
 
 fn built(meshes: Vec<Mesh>, material: Material) -> Scene {
-    Scene::new(Description { meshes, materials: vec![material], ..Description::default() }).unwrap()
+    Scene::new(Description { meshes, materials: vec![material], ..Description::default() }).expect("a right scene")
 }
 
 fn sphere(centre: DVec3, radius: f64, material: Material) -> Scene {
-    let solid = Solid::Form(FreeForm::new(Quadric::sphere(centre, radius).unwrap(), vec![]).unwrap());
+    let solid = Solid::Form(FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form"));
     let forms = vec![FormObject { name: "ball".into(), solid, material: 0 }];
-    Scene::new(Description { forms, materials: vec![material], ..Description::default() }).unwrap()
+    Scene::new(Description { forms, materials: vec![material], ..Description::default() }).expect("a right scene")
 }
 
 fn met(scene: &Scene, ray: &Ray) -> Surface {

@@ -38,10 +38,11 @@ fn emitter(radiance: f32) -> Material {
 
 /// A scene of a polygon, split into a fan, that shines with radiance 1 to the side of which its corners are counter-clockwise.
 fn polygon_light(corners: &[Vec3]) -> Scene {
-    let triangles: Vec<[u32; 3]> = (2..corners.len() as u32).map(|i| [0, i - 1, i]).collect();
+    let triangles: Vec<[u32; 3]> = (2u32..).take(corners.len() - 2).map(|i| [0, i - 1, i]).collect();
     let materials = vec![0; triangles.len()];
     let mesh = Mesh { positions: corners.to_vec(), triangles, materials, ..Mesh::default() };
-    Scene::new(Description { meshes: vec![mesh], materials: vec![emitter(1.0)], ..Description::default() }).unwrap()
+    Scene::new(Description { meshes: vec![mesh], materials: vec![emitter(1.0)], ..Description::default() })
+        .expect("a right scene")
 }
 
 /// Mean and relative deviation of the irradiance that samples of the lights give at `p`.
@@ -195,7 +196,7 @@ fn spotted(width: u32, height: u32) -> Environment {
 }
 
 fn sky_scene(environment: Environment) -> Scene {
-    Scene::new(Description { environment: Some(environment), ..Description::default() }).unwrap()
+    Scene::new(Description { environment: Some(environment), ..Description::default() }).expect("a right scene")
 }
 
 #[test]
@@ -232,10 +233,10 @@ fn surroundings_are_sampled_wherever_they_shine() {
 fn surroundings_lie_as_documented() {
     // One bright pixel in each of the four directions, a quarter of the picture apart.
     let (width, height) = (8u32, 5u32);
-    for (column, direction) in [(0.0, -Vec3A::Z), (2.0, Vec3A::X), (4.0, Vec3A::Z), (6.0, -Vec3A::X)] {
+    for (column, direction) in [(0, -Vec3A::Z), (2, Vec3A::X), (4, Vec3A::Z), (6, -Vec3A::X)] {
         let mut pixels = vec![Vec3::ZERO; (width * height) as usize];
         // The direction lies on the border between two texels: both shine.
-        for i in [(column as u32 + width - 1) % width, column as u32] {
+        for i in [(column + width - 1) % width, column] {
             pixels[(2 * width + i) as usize] = Vec3::ONE;
         }
         let environment = Environment::from_pixels(width, height, pixels);

@@ -23,6 +23,12 @@ fn hammersley(i: u32, count: u32) -> Vec2 {
     Vec2::new((i as f32 + 0.5) / count as f32, (i.reverse_bits() >> 8) as f32 / 16_777_216.0)
 }
 
+/// Returns which of `count` cells of [0, 1] holds x.
+#[expect(clippy::cast_possible_truncation, reason = "rounds down to an index")]
+fn cell(x: f32, count: usize) -> usize {
+    ((x * count as f32) as usize).min(count - 1)
+}
+
 /// The mean weight of samples: the share of the light that leaves `wo` reflected.
 fn albedo(bsdf: &Bsdf, wo: Vec3A, count: u32) -> Vec3 {
     let mut random = 1u32;
@@ -111,9 +117,9 @@ fn samples_follow_their_pdf() {
                 let mixed = (random ^ (random >> 15)).wrapping_mul(0x2c1b_3c6d);
                 let u = Vec2::new((mixed >> 8) as f32 / 16_777_216.0, (i as f32 + 0.5) / SAMPLES as f32);
                 let Some(sample) = bsdf.sample(Lobes::ALL, wo, u_lobe, u) else { continue };
-                let row = ((sample.wi.z * ROWS as f32) as usize).min(ROWS - 1);
+                let row = cell(sample.wi.z, ROWS);
                 let turn = (sample.wi.y.atan2(sample.wi.x) / TAU).rem_euclid(1.0);
-                counts[row * COLUMNS + ((turn * COLUMNS as f32) as usize).min(COLUMNS - 1)] += 1;
+                counts[row * COLUMNS + cell(turn, COLUMNS)] += 1;
                 assert_eq!(
                     sample.pdf,
                     bsdf.pdf(Lobes::ALL, wo, sample.wi),

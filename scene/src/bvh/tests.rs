@@ -14,6 +14,11 @@ impl Random {
         (self.0 >> 8) as f32 / 16_777_216.0
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "rounds down to an index")]
+    fn index(&mut self, count: usize) -> usize {
+        ((self.next() * count as f32) as usize).min(count - 1)
+    }
+
     fn vector(&mut self) -> Vec3 {
         Vec3::new(self.next(), self.next(), self.next())
     }
@@ -104,9 +109,7 @@ fn hits_in_bad_shapes_are_those_of_brute_force() {
         let mut random = Random(7);
         let mut hits = 0;
         for _ in 0..2000 {
-            let Primitive::Triangle { corners, .. } = primitives[(random.next() * 300.0) as usize] else {
-                panic!("a triangle")
-            };
+            let Primitive::Triangle { corners, .. } = primitives[random.index(300)] else { panic!("a triangle") };
             // Towards the inside of a triangle from anywhere: edges are another test's.
             let (u, v) = (0.05 + 0.4 * random.next(), 0.05 + 0.4 * random.next());
             let target = corners[0] + (corners[1] - corners[0]) * u + (corners[2] - corners[0]) * v;
@@ -163,8 +166,7 @@ fn no_ray_escapes_from_a_closed_mesh() {
         let mut random = Random(3);
         for i in 0..200_000 {
             let origin = Vec3A::from(centre + (random.vector() - 0.5) * radius);
-            let Primitive::Triangle { corners, .. } = primitives[(random.next() * primitives.len() as f32) as usize]
-            else {
+            let Primitive::Triangle { corners, .. } = primitives[random.index(primitives.len())] else {
                 continue;
             };
             let (a, b) = (Vec3A::from(corners[i % 3]), Vec3A::from(corners[(i + 1) % 3]));

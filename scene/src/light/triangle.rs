@@ -70,7 +70,7 @@ impl TriangleLight {
                 #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
                 let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
                 let wi = direction.as_vec3a();
-                (distance > 0.0).then(|| LightSample {
+                (distance > 0.0).then_some(LightSample {
                     wi,
                     distance,
                     radiance: self.radiance,
@@ -84,7 +84,7 @@ impl TriangleLight {
                 let distance = distance_sq.sqrt();
                 let wi = offset / distance;
                 let pdf = distance_sq / (-self.normal.dot(wi) * self.area) * probability;
-                (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
+                (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
                     wi,
                     distance,
                     radiance: self.radiance,

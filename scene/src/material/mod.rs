@@ -95,7 +95,7 @@ impl Bsdf {
     #[inline]
     #[must_use]
     pub fn eval(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> Vec3 {
-        if !(wo.z > 0.0 && wi.z > 0.0) {
+        if !(above(wo) && above(wi)) {
             return Vec3::ZERO;
         }
         let mut f = Vec3::ZERO;
@@ -115,7 +115,7 @@ impl Bsdf {
     #[inline]
     #[must_use]
     pub fn pdf(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> f32 {
-        if !(wo.z > 0.0 && wi.z > 0.0) {
+        if !(above(wo) && above(wi)) {
             return 0.0;
         }
         let specular = self.specular_probability(lobes, wo);
@@ -137,7 +137,7 @@ impl Bsdf {
     #[inline]
     #[must_use]
     pub fn sample(&self, lobes: Lobes, wo: Vec3A, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        if !(wo.z > 0.0) {
+        if !above(wo) {
             return None;
         }
         let specular = self.specular_probability(lobes, wo);
@@ -192,7 +192,7 @@ impl Bsdf {
     #[must_use]
     pub fn delta_branches(&self, wo: Vec3A) -> [Option<BsdfSample>; 2] {
         match self.specular {
-            _ if !(wo.z > 0.0) => [None, None],
+            _ if !above(wo) => [None, None],
             Specular::Mirror { reflectance } => [Some(mirrored(wo, reflectance)), None],
             Specular::Dielectric { eta, tint } => {
                 let (reflected, refracted) = dielectric::branches(eta, tint, wo);
@@ -206,11 +206,10 @@ impl Bsdf {
     #[inline]
     fn rough_sample(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> Option<BsdfSample> {
         let pdf = self.pdf(lobes, wo, wi);
-        if !(pdf > 0.0) {
-            return None;
-        }
-        let weight = self.eval(lobes, wo, wi) * (wi.z / pdf);
-        Some(BsdfSample { wi, weight, pdf, delta: false, transmitted: false, radiance_scale: 1.0 })
+        (pdf > 0.0).then(|| {
+            let weight = self.eval(lobes, wo, wi) * (wi.z / pdf);
+            BsdfSample { wi, weight, pdf, delta: false, transmitted: false, radiance_scale: 1.0 }
+        })
     }
 
     /// Returns the probability that [`Bsdf::sample`] takes the specular part.
@@ -246,6 +245,12 @@ impl Bsdf {
             Specular::None | Specular::Mirror { .. } | Specular::Dielectric { .. } => Vec3::ZERO,
         }
     }
+}
+
+/// Whether a direction is above the surface; NaN is not.
+#[inline]
+fn above(w: Vec3A) -> bool {
+    w.z > 0.0
 }
 
 /// Returns the mirror direction with a given weight.
