@@ -155,6 +155,16 @@ fn polygons_of_many_corners_load_up_to_the_limit() {
 }
 
 #[test]
+fn hostile_polygons_take_bounded_time() {
+    // Corners that fall together are the slowest to cut: each of these faces takes some tenths of a second.
+    let bit = |i: u32, k: u32| (i.wrapping_mul(2_654_435_761) >> k) & 1;
+    let mut text: String = (0..4096).map(|i| format!("v {} {} 0\n", bit(i, 31), bit(i, 27))).collect();
+    let corners: String = (1..=4096).map(|i| format!(" {i}")).collect();
+    text += &format!("f{corners}\n").repeat(100);
+    assert_refused(&[("a.obj", text.as_bytes())], "a.obj:4113: too many large concave polygons; ", "");
+}
+
+#[test]
 fn what_is_not_text_is_refused() {
     assert_refused(&[("a.obj", &[0; 100])], "a.obj:1: it is not text", "");
     let mut long = vec![b'#'; 100 << 20];

@@ -20,6 +20,8 @@ pub const TRIANGLES: usize = 1 << 28;
 pub const CORNERS: usize = 1 << 16;
 /// Corners of one polygon that is not a fan as seen from its first corner; cutting its ears may take quadratic time.
 pub const CONCAVE_CORNERS: usize = 1 << 12;
+/// Sum of the squared corners of all such polygons of a scene.
+pub const CONCAVE_SQUARES: usize = 1 << 28;
 /// Materials of a scene.
 pub const MATERIALS: usize = 1 << 16;
 /// Files that a scene includes.

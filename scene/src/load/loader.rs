@@ -10,6 +10,7 @@ use super::files::Files;
 use super::mtl::{self, MtlMaterial};
 use super::obj::{self, Obj};
 use super::picture::{self, Pixels};
+use super::polygon::Cutter;
 use super::warnings::Warnings;
 use super::{FileSettings, Loaded, limits, mtl_meaning};
 use crate::description::{Description, Material, Mesh, SpecularKind};
@@ -29,6 +30,7 @@ pub(super) struct Loader<'a> {
     pub(super) files: Files<'a>,
     pub(super) description: Description,
     pub(super) warnings: Warnings,
+    pub(super) cutter: Cutter,
     textures: HashMap<(PathBuf, Use), u32>,
     objs: HashMap<(PathBuf, Option<u32>), Mesh>,
     triangles: usize,
@@ -44,6 +46,7 @@ impl<'a> Loader<'a> {
             files,
             description: Description::default(),
             warnings: Warnings::default(),
+            cutter: Cutter::default(),
             textures: HashMap::new(),
             objs: HashMap::new(),
             triangles: 0,
@@ -147,7 +150,8 @@ impl<'a> Loader<'a> {
         if let Some(mesh) = self.objs.get(&key) {
             return Ok(mesh.clone());
         }
-        let Obj { mut mesh, names, libraries } = obj::read(self.files, path, place, &mut self.warnings)?;
+        let Obj { mut mesh, names, libraries } =
+            obj::read(self.files, path, place, &mut self.cutter, &mut self.warnings)?;
         if let Some(material) = material {
             mesh.materials.fill(material);
         } else {

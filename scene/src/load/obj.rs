@@ -9,7 +9,7 @@ use super::files::Files;
 use super::limits;
 use super::lines::Lines;
 use super::obj_reader::{Face, ObjReader};
-use super::polygon;
+use super::polygon::Cutter;
 use super::warnings::Warnings;
 use crate::description::{Mesh, NO_INDEX};
 
@@ -24,7 +24,13 @@ pub(super) struct Obj {
 }
 
 /// Reads the OBJ file `path`, which was named at `place`.
-pub(super) fn read(files: Files<'_>, path: &Path, place: Place<'_>, warnings: &mut Warnings) -> Result<Obj, LoadError> {
+pub(super) fn read(
+    files: Files<'_>,
+    path: &Path,
+    place: Place<'_>,
+    cutter: &mut Cutter,
+    warnings: &mut Warnings,
+) -> Result<Obj, LoadError> {
     let (file, _) = files.open(path, place, limits::FILE_BYTES)?;
     let mut reader = ObjReader::new(Lines::new(path, file));
     let options = tobj::LoadOptions { ignore_points: true, ignore_lines: true, ..Default::default() };
@@ -40,12 +46,18 @@ pub(super) fn read(files: Files<'_>, path: &Path, place: Place<'_>, warnings: &m
     warnings.add_times(format!("{file}: lines of curves, surfaces or unknown keywords left out"), reader.unknown);
     // Groups and materials are kept from tobj, so all faces are in one model.
     let source = models.pop().map(|model| model.mesh).unwrap_or_default();
-    let mesh = assemble(source, &reader.faces, path, warnings)?;
+    let mesh = assemble(source, &reader.faces, path, cutter, warnings)?;
     Ok(Obj { mesh, names: reader.names, libraries: reader.libraries })
 }
 
 /// Splits the polygons and keeps normals and texture coordinates only where the file gives them.
-fn assemble(source: tobj::Mesh, faces: &[Face], path: &Path, warnings: &mut Warnings) -> Result<Mesh, LoadError> {
+fn assemble(
+    source: tobj::Mesh,
+    faces: &[Face],
+    path: &Path,
+    cutter: &mut Cutter,
+    warnings: &mut Warnings,
+) -> Result<Mesh, LoadError> {
     let file = Place::file(path);
     let mut mesh = Mesh {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
@@ -69,13 +81,9 @@ fn assemble(source: tobj::Mesh, faces: &[Face], path: &Path, warnings: &mut Warn
         let indices = &source.indices[range.clone()];
         corners.clear();
         corners.extend(indices.iter().map(|&index| mesh.positions[index as usize]));
-        if arity > limits::CONCAVE_CORNERS && polygon::needs_ears(&corners) {
-            let what =
-                format!("a concave polygon of {arity} corners, more than the limit of {}", limits::CONCAVE_CORNERS);
-            return Err(Place::line(path, face.line as usize).too_large(what, "split it"));
-        }
         triangles.clear();
-        empty += usize::from(!polygon::triangulate(&corners, &mut triangles));
+        let place = Place::line(path, face.line as usize);
+        empty += usize::from(!cutter.cut(&corners, &mut triangles, place)?);
         let normals = (face.has_normals && with_normals).then(|| &source.normal_indices[range.clone()]);
         let normals = normals.filter(|indices| indices.iter().all(|&index| mesh.normals[index as usize] != Vec3::ZERO));
         flat += usize::from(face.has_normals && normals.is_none());

@@ -2,7 +2,7 @@
 //! keeps what tobj would lose: line numbers, the material of each face, and which corners have normals and texture
 //! coordinates (tobj fills gaps with the corner before).
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{self, BufRead, Read};
 
 use super::error::{LoadError, Place, quoted};
@@ -35,8 +35,9 @@ pub(super) struct ObjReader<'a> {
     pub(super) names: Vec<String>,
     name_index: HashMap<String, u32>,
     material: u32,
-    /// Names after `mtllib` with their lines.
+    /// Different names after `mtllib`, each with its first line.
     pub(super) libraries: Vec<(String, usize)>,
+    library_names: HashSet<String>,
     /// Triangles that the faces will make.
     triangles: usize,
     /// Faces of one or two corners, points and lines that were left out.
@@ -68,6 +69,7 @@ impl<'a> ObjReader<'a> {
             name_index: HashMap::new(),
             material: 0,
             libraries: Vec::new(),
+            library_names: HashSet::new(),
             triangles: 0,
             skipped: 0,
             unknown: 0,
@@ -134,23 +136,26 @@ impl<'a> ObjReader<'a> {
                 }
                 "mtllib" => {
                     let name = rest.trim().to_owned();
-                    let place = self.place();
-                    check_name(&name, place)?;
-                    if self.libraries.len() >= limits::INCLUDES
-                        && !self.libraries.iter().any(|(known, _)| *known == name)
-                    {
-                        let what = format!("more than {} material libraries", limits::INCLUDES);
-                        return Err(place.too_large(what, "join them"));
-                    }
-                    if !self.libraries.iter().any(|(known, _)| *known == name) {
-                        self.libraries.push((name, place.line.unwrap_or_default()));
-                    }
+                    self.add_library(name)?;
                 }
                 "l" | "p" => self.skipped += 1,
                 "o" | "g" | "s" | "" => {}
                 _ if key.starts_with('#') => {}
                 _ => self.unknown += 1,
             }
+        }
+        Ok(())
+    }
+
+    fn add_library(&mut self, name: String) -> Result<(), LoadError> {
+        let place = self.place();
+        check_name(&name, place)?;
+        if self.library_names.insert(name.clone()) {
+            if self.libraries.len() >= limits::INCLUDES {
+                let what = format!("more than {} material libraries", limits::INCLUDES);
+                return Err(place.too_large(what, "join them"));
+            }
+            self.libraries.push((name, place.line.unwrap_or_default()));
         }
         Ok(())
     }

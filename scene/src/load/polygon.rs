@@ -2,41 +2,73 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-/// Appends the triangles of a polygon as indices into its corners, in the polygon's own sense of rotation.
-///
-/// A quad is split by the diagonal that lies inside it, the first one where both do. Corners of other polygons are seen
-/// along their mean (Newell) normal. Returns whether anything was appended: not for fewer than three corners, nor for a
-/// polygon of which no ear can be cut.
-pub(super) fn triangulate(corners: &[Vec3], triangles: &mut Vec<[u32; 3]>) -> bool {
-    let before = triangles.len();
-    match corners {
-        [] | [_] | [_, _] => {}
-        [_, _, _] => triangles.push([0, 1, 2]),
-        &[a, b, c, d] => {
-            let normal = |p: Vec3, q: Vec3, r: Vec3| (q - p).as_dvec3().cross((r - p).as_dvec3());
-            let first_is_outside = normal(a, b, c).dot(normal(a, c, d)) < 0.0;
-            let second_is_inside = normal(b, c, d).dot(normal(b, d, a)) > 0.0;
-            triangles.extend(if first_is_outside && second_is_inside {
-                [[1, 2, 3], [1, 3, 0]]
-            } else {
-                [[0, 1, 2], [0, 2, 3]]
-            });
-        }
-        _ => {
-            let flat = flatten(corners);
-            if fan_is_right(&flat, rounding(corners)) {
-                triangles.extend((2..index(flat.len())).map(|i| [0, i - 1, i]));
-            } else {
-                cut_ears(&flat, triangles);
-            }
-        }
-    }
-    triangles.len() > before
+use super::error::{LoadError, Place};
+use super::limits;
+
+/// Cuts polygons within the limits.
+#[derive(Debug, Default)]
+pub(super) struct Cutter {
+    /// Sum of the squared corners of all polygons whose ears were cut.
+    squares: usize,
 }
 
-/// Whether a polygon of five corners or more needs ear cutting, whose time may be quadratic.
-pub(super) fn needs_ears(corners: &[Vec3]) -> bool {
-    corners.len() > 4 && !fan_is_right(&flatten(corners), rounding(corners))
+impl Cutter {
+    /// Appends the triangles of a polygon as indices into its corners, in the polygon's own sense of rotation.
+    ///
+    /// A quad is split by the diagonal that lies inside it, the first one where both do. Corners of other polygons are
+    /// seen along their mean (Newell) normal. Returns whether anything was appended: not for fewer than three corners,
+    /// nor for a polygon of which no ear can be cut.
+    pub(super) fn cut(
+        &mut self,
+        corners: &[Vec3],
+        triangles: &mut Vec<[u32; 3]>,
+        place: Place<'_>,
+    ) -> Result<bool, LoadError> {
+        let before = triangles.len();
+        match corners {
+            [] | [_] | [_, _] => {}
+            [_, _, _] => triangles.push([0, 1, 2]),
+            &[a, b, c, d] => {
+                let normal = |p: Vec3, q: Vec3, r: Vec3| (q - p).as_dvec3().cross((r - p).as_dvec3());
+                let first_is_outside = normal(a, b, c).dot(normal(a, c, d)) < 0.0;
+                let second_is_inside = normal(b, c, d).dot(normal(b, d, a)) > 0.0;
+                triangles.extend(if first_is_outside && second_is_inside {
+                    [[1, 2, 3], [1, 3, 0]]
+                } else {
+                    [[0, 1, 2], [0, 2, 3]]
+                });
+            }
+            _ if corners.len() > limits::CORNERS => {
+                let what =
+                    format!("a polygon of {} corners, more than the limit of {}", corners.len(), limits::CORNERS);
+                return Err(place.too_large(what, "split it"));
+            }
+            _ => {
+                let flat = flatten(corners);
+                if fan_is_right(&flat, rounding(corners)) {
+                    triangles.extend((2..index(flat.len())).map(|i| [0, i - 1, i]));
+                } else {
+                    self.count(flat.len(), place)?;
+                    cut_ears(&flat, triangles);
+                }
+            }
+        }
+        Ok(triangles.len() > before)
+    }
+
+    /// Refuses what would take ear cutting too long.
+    fn count(&mut self, corners: usize, place: Place<'_>) -> Result<(), LoadError> {
+        self.squares += corners * corners;
+        if corners > limits::CONCAVE_CORNERS {
+            let limit = limits::CONCAVE_CORNERS;
+            let what = format!("a concave polygon of {corners} corners, more than the limit of {limit}");
+            return Err(place.too_large(what, "split it"));
+        }
+        if self.squares > limits::CONCAVE_SQUARES {
+            return Err(place.too_large("too many large concave polygons", "split them into triangles"));
+        }
+        Ok(())
+    }
 }
 
 /// Corners seen against the polygon's normal, so that the polygon runs counter-clockwise.
@@ -88,7 +120,13 @@ fn index(i: usize) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+
+    fn triangulate(corners: &[Vec3], triangles: &mut Vec<[u32; 3]>) -> bool {
+        Cutter::default().cut(corners, triangles, Place::file(Path::new("x"))).expect("it is within the limits")
+    }
 
     fn area(corners: &[Vec3]) -> f64 {
         let mut triangles = Vec::new();
@@ -138,6 +176,17 @@ mod tests {
         let shoelace: f64 =
             corners.iter().zip(corners.iter().cycle().skip(1)).map(|(p, q)| f64::from(p.x * q.y - q.x * p.y)).sum();
         assert!((area(&corners) - shoelace / 2.0).abs() < 1e-3, "area of the comb");
+    }
+
+    #[test]
+    fn hostile_polygons_are_refused_in_the_end() {
+        let corners: Vec<Vec3> =
+            (0..4096).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).chain([Vec3::Y * 9.0]).collect();
+        let mut cutter = Cutter::default();
+        let mut cut = |corners: &[Vec3]| cutter.cut(corners, &mut Vec::new(), Place::file(Path::new("x")));
+        assert!(matches!(cut(&corners), Err(LoadError::TooLarge(_))), "4097 corners");
+        assert!((0..14).all(|_| cut(&corners[1..]).is_ok()), "4096 corners, a few times");
+        assert!(matches!(cut(&corners[1..]), Err(LoadError::TooLarge(_))), "and once too often");
     }
 
     #[test]

@@ -13,8 +13,8 @@ use crate::Camera;
 use crate::description::{FormObject, Material, Mesh, PunctualLight, SpecularKind};
 use crate::load::error::{LoadError, Place, nearest, quoted};
 use crate::load::files::check_name;
-use crate::load::loader::{Loader, Use, as_u32, scaled};
-use crate::load::{FileSettings, limits, obj, polygon};
+use crate::load::loader::{Loader, Use, scaled};
+use crate::load::{FileSettings, limits, obj};
 
 /// Angle of view of a camera that names none, degrees.
 const FOV: f32 = 40.0;
@@ -223,7 +223,7 @@ fn mesh(
         }
         None => {
             let material = material.map_or_else(|| loader.default_material(place), Ok)?;
-            inline_mesh(table, material, source)?
+            inline_mesh(loader, table, material, source)?
         }
     };
     if !name.is_empty() {
@@ -241,7 +241,12 @@ fn mesh(
 }
 
 /// A mesh whose positions and faces are in the scene file; indices count from 0 and serve normals and uvs too.
-fn inline_mesh(table: &Spanned<MeshTable>, material: u32, source: &Source) -> Result<Mesh, LoadError> {
+fn inline_mesh(
+    loader: &mut Loader<'_>,
+    table: &Spanned<MeshTable>,
+    material: u32,
+    source: &Source,
+) -> Result<Mesh, LoadError> {
     let place = source.place(table.span());
     let MeshTable { name, positions, normals, uvs, faces, .. } = table.get_ref();
     if positions.is_empty() || faces.is_empty() {
@@ -272,11 +277,8 @@ fn inline_mesh(table: &Spanned<MeshTable>, material: u32, source: &Source) -> Re
         if face.len() < 3 {
             return Err(place.invalid(format!("a face of {} corners", face.len()), "give three or more"));
         }
-        if face.len() > limits::CORNERS || (face.len() > limits::CONCAVE_CORNERS && polygon::needs_ears(&corners)) {
-            return Err(place.too_large(format!("a polygon of {} corners", face.len()), "split it"));
-        }
         triangles.clear();
-        polygon::triangulate(&corners, &mut triangles);
+        loader.cutter.cut(&corners, &mut triangles, place)?;
         mesh.triangles.extend(triangles.iter().map(|triangle| triangle.map(|corner| face[corner as usize])));
     }
     if !normals.is_empty() {
@@ -289,7 +291,6 @@ fn inline_mesh(table: &Spanned<MeshTable>, material: u32, source: &Source) -> Re
     if !obj::has_area(&mesh) {
         return Err(place.invalid("nothing to see, all faces are of zero area", "check the positions"));
     }
-    debug_assert!(as_u32(mesh.triangles.len()) as usize == mesh.materials.len(), "a material for each triangle");
     Ok(mesh)
 }
 
