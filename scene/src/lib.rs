@@ -1,4 +1,3 @@
-//! Meshes, free forms, materials, lights and cameras, their acceleration structure and their files.
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
