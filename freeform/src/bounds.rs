@@ -152,7 +152,7 @@ impl Ellipsoid {
         // Scaling to a unit diagonal makes pivots comparable; a variable that does not occur becomes an independent one with its centre at 0.
         let mut scale = DVec3::ONE;
         for k in (0..3).filter(|&k| occurs(k)) {
-            if !(hessian.col(k)[k] < 0.0) {
+            if hessian.col(k)[k] >= 0.0 {
                 return None;
             }
             scale[k] = (-0.5 * hessian.col(k)[k]).sqrt().recip();
@@ -165,7 +165,7 @@ impl Ellipsoid {
         let minor = 1.0 - s01 * s01;
         let determinant = minor - s02 * s02 - s12 * s12 + 2.0 * s01 * s02 * s12;
         let pivot = minor.min(determinant / minor);
-        if !(pivot > PIVOT_MIN) {
+        if pivot.is_nan() || pivot < PIVOT_MIN {
             return None;
         }
         let diagonal = DVec3::new(1.0 - s12 * s12, 1.0 - s02 * s02, minor) / determinant;

@@ -42,8 +42,7 @@ impl Quadratic {
             return if b == 0.0 { Roots::None } else { Roots::One(-c / b) };
         }
         let discriminant = b * b - 4.0 * a * c;
-        // Written so that NaN counts as no root.
-        if !(discriminant > 0.0) {
+        if discriminant <= 0.0 || discriminant.is_nan() {
             return Roots::None;
         }
         let q = -0.5 * (b + discriminant.sqrt().copysign(b));

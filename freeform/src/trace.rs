@@ -36,6 +36,10 @@ pub(crate) struct Local {
     pub(crate) p: DVec3,
     pub(crate) d: DVec3,
     t0: f64,
+    /// Ends of the ray.
+    t_min: f64,
+    t_max: f64,
+    /// Ends of the ray in the box of the form, less t0.
     lo: f64,
     hi: f64,
     /// Lengths of p and d.
@@ -64,7 +68,18 @@ impl Local {
             let largest = ray.origin.length() + form.origin().length() + near.abs() * d_length;
             POINT_ROUNDING * largest
         });
-        let local = Self { p, d, t0, lo: near - t0, hi: far - t0, p_length: p.length(), d_length, start_error };
+        let local = Self {
+            p,
+            d,
+            t0,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+            lo: near - t0,
+            hi: far - t0,
+            p_length: p.length(),
+            d_length,
+            start_error,
+        };
         (p.is_finite() && local.lo < local.hi).then_some(local)
     }
 
@@ -188,7 +203,16 @@ fn walk_pieces(
 
     let base = form.base().along(local.p, local.d);
     let base_weight = form.base().weight();
-    let mut walker = Walker { t0: local.t0, state: None, initial: None, last: local.lo, visit };
+    let mut walker = Walker {
+        t0: local.t0,
+        t_min: local.t_min,
+        t_max: local.t_max,
+        state: None,
+        initial: None,
+        last: local.lo,
+        pending: None,
+        visit,
+    };
     let mut start_noise = local.start_error.map(|error| start_noise(base_weight, bumps, local, error));
     for piece in breaks.windows(2) {
         let &[lo, hi] = piece else { continue };
@@ -218,7 +242,9 @@ fn walk_pieces(
     }
     // A ray that stays in the surface is inside, for the solid is closed; at the edge of the box that is only rounding.
     let initial = walker.initial.unwrap_or(local.start_error.is_some());
-    Walked { starts_inside: initial, ends_inside: walker.state.unwrap_or(initial) }
+    // A crossing at the very end has nothing beyond it.
+    let last = walker.state.unwrap_or(initial);
+    Walked { starts_inside: initial, ends_inside: last != walker.pending.is_some() }
 }
 
 /// Writes the ends of the pieces in order: both ends of the ray, the roots between, and 0 between two infinite ends.
@@ -266,12 +292,16 @@ fn start_noise(base: Weight, bumps: &[Bump], local: &Local, point_error: f64) ->
 /// Follows the sign of the function along the ray.
 pub(crate) struct Walker<V> {
     t0: f64,
+    t_min: f64,
+    t_max: f64,
     /// Last known side: inside or not.
     state: Option<bool>,
     /// First known side.
     initial: Option<bool>,
     /// Where the last known stretch ended.
     last: f64,
+    /// A crossing beyond which no stretch of visible length has been seen yet.
+    pending: Option<Crossing>,
     visit: V,
 }
 
@@ -285,9 +315,30 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
             None => self.initial = Some(inside),
             Some(side) if side != inside => {
                 let s = if lo > last { 0.5 * (last + lo) } else { lo };
-                (self.visit)(Crossing { t: self.t0 + s, entering: inside })?;
+                self.cross(Crossing { t: (self.t0 + s).clamp(self.t_min, self.t_max), entering: inside })?;
             }
             Some(_) => {}
+        }
+        match self.pending {
+            Some(crossing) if self.t0 + hi > crossing.t => {
+                self.pending = None;
+                (self.visit)(crossing)
+            }
+            _ => ControlFlow::Continue(()),
+        }
+    }
+
+    /// Takes note of a crossing. Two at the same t enclose nothing and are none; one at the start only says where the ray starts.
+    fn cross(&mut self, crossing: Crossing) -> ControlFlow<()> {
+        match self.pending.take() {
+            Some(earlier) if earlier.t >= crossing.t => return ControlFlow::Continue(()),
+            Some(earlier) => (self.visit)(earlier)?,
+            None => {}
+        }
+        if crossing.t > self.t_min {
+            self.pending = Some(crossing);
+        } else {
+            self.initial = Some(crossing.entering);
         }
         ControlFlow::Continue(())
     }

@@ -1,0 +1,221 @@
+//! The crossings that the crate finds are those of exact arithmetic: none missed, none invented.
+//!
+//! 10^5 rays by default; `FREEFORM_PARITY_RAYS=10000000` runs the full count.
+
+mod oracle;
+
+use std::collections::BTreeMap;
+
+use freeform::{FreeForm, Perturbation, Quadric, Ray, Solid};
+use glam::DVec3;
+use oracle::{Counted, RawForm, RawRay, exact, interval};
+
+/// PCG hash of a counter: the same rays on every machine.
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let word = ((self.0 >> ((self.0 >> 59) + 5)) ^ self.0).wrapping_mul(12_605_985_483_714_917_081);
+        (word >> 43) ^ word
+    }
+
+    /// Uniform in [-1, 1).
+    fn signed(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        usize::try_from(self.bits() % n as u64).expect("small")
+    }
+
+    fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+}
+
+fn random_form(random: &mut Random) -> RawForm {
+    let quadric = |random: &mut Random| std::array::from_fn(|_| random.signed());
+    let base = quadric(random);
+    let perturbations = (0..random.below(9)).map(|_| (quadric(random), random.signed())).collect();
+    RawForm { base, perturbations }
+}
+
+fn build(raw: &RawForm) -> FreeForm {
+    let quadric = |coefficients: &[f64; 10]| Quadric::new(*coefficients).expect("finite, not zero");
+    let perturbations =
+        raw.perturbations.iter().map(|(q, factor)| Perturbation { quadric: quadric(q), factor: *factor }).collect();
+    FreeForm::new(quadric(&raw.base), perturbations).expect("sound")
+}
+
+/// A point where trouble is: of one of the kinds below.
+fn trouble_point(random: &mut Random, form: &FreeForm, solid: &Solid) -> Option<(DVec3, DVec3)> {
+    let quadrics: Vec<Quadric> =
+        std::iter::once(*form.base()).chain(form.perturbations().iter().map(|p| p.quadric)).collect();
+    let quadric = quadrics[random.below(quadrics.len())];
+    let hit = |random: &mut Random| {
+        let ray = Ray::line(2.0 * random.vector(), random.vector());
+        solid.first_hit(&ray).map(|crossing| ray.at(crossing.t)).filter(|p| p.length() < 10.0)
+    };
+    match random.below(5) {
+        // Tangent to the surface.
+        0 => {
+            let p = hit(random)?;
+            Some((p, solid.gradient(p).cross(random.vector())))
+        }
+        // Nearly tangent to it, by 1e-16 to 1e-4.
+        1 => {
+            let p = hit(random)?;
+            let g = solid.gradient(p);
+            let tilt = 10_f64.powf(-10.0 + 6.0 * random.signed());
+            Some((p, g.cross(random.vector()).try_normalize()? + tilt * g.try_normalize()?))
+        }
+        // Through the centre or apex of a quadric.
+        2 => {
+            let p = -(quadric.hessian().inverse() * quadric.gradient(DVec3::ZERO));
+            (p.is_finite() && p.length() < 10.0).then(|| (p, random.vector()))
+        }
+        // Where a piece ends on the surface: Newton's method towards F' = 0 and Q = 0.
+        3 => {
+            let mut p = hit(random)?;
+            for _ in 0..50 {
+                let (f, q) = (solid.value(p), quadric.value(p));
+                let (df, dq) = (solid.gradient(p), quadric.gradient(p));
+                let (ff, fq, qq) = (df.dot(df), df.dot(dq), dq.dot(dq));
+                let determinant = ff * qq - fq * fq;
+                let (x, y) = ((f * qq - q * fq) / determinant, (q * ff - f * fq) / determinant);
+                p -= x * df + y * dq;
+            }
+            (p.is_finite() && p.length() < 10.0).then(|| (p, random.vector()))
+        }
+        // Tangent to a perturbing quadric, so that a piece has next to no length.
+        _ => {
+            let ray = Ray::line(2.0 * random.vector(), random.vector());
+            let shell = Solid::from(FreeForm::new(quadric, Vec::new()).expect("sound"));
+            let p = ray.at(shell.first_hit(&ray)?.t);
+            (p.length() < 10.0).then(|| (p, quadric.gradient(p).cross(random.vector())))
+        }
+    }
+}
+
+fn random_ray(random: &mut Random, form: &FreeForm, solid: &Solid) -> RawRay {
+    let trouble = if random.below(2) == 0 { trouble_point(random, form, solid) } else { None };
+    let (p, mut d) = trouble.unwrap_or_else(|| (2.0 * random.vector(), random.vector()));
+    if random.below(8) == 0 {
+        // Along an axis or in a coordinate plane, where coefficients vanish.
+        let axis = random.below(3);
+        d[axis] = 0.0;
+        if random.below(2) == 0 {
+            d[(axis + 1) % 3] = 0.0;
+        }
+    }
+    let d = d.try_normalize().unwrap_or(DVec3::X);
+    let (origin, t_min, t_max) = match random.below(8) {
+        0 => (p, f64::NEG_INFINITY, f64::INFINITY),
+        1 => (p - 2.0 * d, 0.0, f64::INFINITY),
+        2 => (p, -3.0, 5.0),
+        _ => (p - 3.0 * d, 0.0, 8.0),
+    };
+    RawRay { origin: origin.to_array(), direction: d.to_array(), t_min, t_max }
+}
+
+/// What the crate finds.
+fn found(solid: &Solid, raw: &RawRay) -> Counted {
+    let ray = Ray::new(DVec3::from_array(raw.origin), DVec3::from_array(raw.direction)).between(raw.t_min, raw.t_max);
+    let mut inside = Vec::new();
+    solid.intervals(&ray, &mut inside);
+    let crossings: Vec<f64> =
+        inside.iter().flat_map(|i| [i.t_in, i.t_out]).filter(|t| *t > raw.t_min && *t < raw.t_max).collect();
+    assert!(crossings.windows(2).all(|pair| pair[0] < pair[1]), "crossings are in order: {crossings:?}");
+    let first = solid.first_hit(&ray);
+    assert_eq!(first.map(|c| c.t), crossings.first().copied(), "the first hit is the first crossing");
+    assert_eq!(solid.any_hit(&ray), first.is_some(), "any hit means a hit");
+    Counted {
+        crossings: i32::try_from(crossings.len()).expect("few"),
+        starts_inside: inside.first().is_some_and(|i| i.t_in == raw.t_min),
+        ends_inside: inside.last().is_some_and(|i| i.t_out == raw.t_max),
+    }
+}
+
+/// What exact arithmetic says, and whether 16 copies with coefficients changed by 1e-14 agree. The copies come in pairs of opposite changes, so that a tangent
+/// ray, which one of the two loses, is told from a crossing one.
+fn truth(random: &mut Random, form: &RawForm, ray: &RawRay) -> (Option<Counted>, bool) {
+    let counts = |form: &RawForm| interval::count(form, ray, 0.0).or_else(|| exact::count(form, ray));
+    let Some(counted) = counts(form) else { return (None, false) };
+    for _ in 0..8 {
+        let seed = random.bits();
+        for turn in [1.0, -1.0] {
+            let mut signs = Random(seed);
+            let copy = form.changed(|c| c * (1.0 + if signs.bits() & 1 == 0 { 1e-14 } else { -1e-14 } * turn));
+            if counts(&copy) != Some(counted) {
+                return (Some(counted), false);
+            }
+        }
+    }
+    (Some(counted), true)
+}
+
+#[test]
+fn parity_matches_exact_arithmetic() {
+    let rays: u64 = std::env::var("FREEFORM_PARITY_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000);
+    let mut tally: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut count = |what| *tally.entry(what).or_default() += 1;
+    let mut failures = Vec::new();
+    let (mut most, mut total) = (0, 0_u64);
+    const RAYS_A_FORM: u64 = 20;
+    for index in 0..rays.div_ceil(RAYS_A_FORM) {
+        let mut random = Random(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let raw = random_form(&mut random);
+        let form = build(&raw);
+        let solid = Solid::from(form.clone());
+        for _ in 0..RAYS_A_FORM {
+            let ray = random_ray(&mut random, &form, &solid);
+            let found = found(&solid, &ray);
+            most = most.max(found.crossings);
+            total += u64::try_from(found.crossings).expect("not negative");
+            if let Some(counted) = interval::count(&raw, &ray, 1e-14) {
+                count("settled by intervals");
+                if found != counted {
+                    failures.push((index, ray, found, counted));
+                }
+                continue;
+            }
+            let (exact, decidable) = truth(&mut random, &raw, &ray);
+            match exact {
+                Some(counted) if decidable => {
+                    count("settled by exact arithmetic");
+                    if found != counted {
+                        failures.push((index, ray, found, counted));
+                    }
+                }
+                Some(counted) => {
+                    count("undecidable");
+                    let same_ends =
+                        (found.starts_inside, found.ends_inside) == (counted.starts_inside, counted.ends_inside);
+                    assert!(
+                        !same_ends || (found.crossings - counted.crossings) % 2 == 0,
+                        "form {index}: {ray:?}: {found:?} but {counted:?}"
+                    );
+                    if found != counted {
+                        count("undecidable and different");
+                    }
+                }
+                None => count("undecidable at a break"),
+            }
+            // One end inside and the other not is an odd number of crossings, whatever rounding does.
+            assert_eq!(
+                found.crossings % 2 == 1,
+                found.starts_inside != found.ends_inside,
+                "form {index}: {ray:?}: {found:?}"
+            );
+        }
+    }
+    eprintln!("{rays} rays, {total} crossings, at most {most} on one: {tally:?}");
+    for (index, ray, found, counted) in failures.iter().take(10) {
+        eprintln!("form {index}: {ray:?}: found {found:?}, exact {counted:?}");
+    }
+    let missed: i32 = failures.iter().map(|(_, _, found, counted)| (counted.crossings - found.crossings).max(0)).sum();
+    let invented: i32 =
+        failures.iter().map(|(_, _, found, counted)| (found.crossings - counted.crossings).max(0)).sum();
+    assert!(failures.is_empty(), "{} rays differ: {missed} crossings missed, {invented} invented", failures.len());
+}
