@@ -357,3 +357,26 @@ fn triangles_of_no_area_keep_the_numbering() {
     let hit = scene.intersect(&Ray::new(Vec3A::new(0.7, 0.3, 1.0), -Vec3A::Z)).unwrap();
     assert_eq!((hit.primitive, scene.triangle_count()), (1, 3), "the second triangle");
 }
+
+#[test]
+fn glass_ball_vanishes_in_a_furnace() {
+    let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::ZERO };
+    let scene = sphere(DVec3::ZERO, 1.0, Material { specular: glass, ..Material::default() });
+    for height in [0.0, 0.3, 0.8, 0.99] {
+        let mut sum = 0.0;
+        let mut todo = vec![(Ray::new(Vec3A::new(-3.0, height, 0.0), Vec3A::X), 1.0f64)];
+        while let Some((ray, weight)) = todo.pop() {
+            let Some(hit) = scene.intersect(&ray) else {
+                sum += weight;
+                continue;
+            };
+            let surface = scene.surface(&ray, &hit);
+            let frame = hemimap::Frame::from_normal(surface.n);
+            let branches = scene.bsdf(&surface).delta_branches(frame.to_local(-ray.direction));
+            for branch in branches.into_iter().flatten().filter(|_| weight > 1e-7) {
+                todo.push((surface.spawn(frame.to_world(branch.wi)), weight * f64::from(branch.weight.x)));
+            }
+        }
+        assert!((sum - 1.0).abs() < 1e-5, "a ray at height {height} brings {sum}");
+    }
+}
