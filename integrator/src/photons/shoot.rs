@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 use serde::{Deserialize, Serialize};
 
-use super::guide::{Guide, Pilot};
+use super::guide::{DIMENSIONS, Guide, Pilot};
 use crate::{Rng, Sampler, hash_pair};
 
 /// Photons of one task.
@@ -36,8 +36,8 @@ const MAX_CORRECTION: f32 = 4.0;
 /// Pilots of one round, and the rounds of learning; a round that finds less than `ENOUGH_USEFUL` is shot up to `MAX_REPEATS` times.
 const PILOTS: u32 = 1 << 15;
 const ROUNDS: u64 = 3;
-const ENOUGH_USEFUL: usize = 512;
-const MAX_REPEATS: u64 = 32;
+const ENOUGH_USEFUL: usize = 4096;
+const MAX_REPEATS: u64 = 16;
 
 /// Which photons are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -128,7 +128,7 @@ pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
         let mut shot = Shot::default();
         for index in indices {
             let mut source = Source::new(hash_pair(seed, 0), index);
-            if let Some((_, ray, flux)) = source.emit(scene, &guide, scale) {
+            if let Some(Start { ray, flux, .. }) = source.emit(scene, &guide, scale) {
                 let kept = shot.follow(scene, kind, ray, flux, &mut source.rng);
                 shot.useful += u64::from(kept > 0);
             }
@@ -145,7 +145,7 @@ pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
     all
 }
 
-/// Learns in a few rounds where to aim; returns the rays that it took too.
+/// Learns in a few rounds where to aim, each aimed by the one before; returns the rays that it took too.
 fn aim(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
     let mut rays = 0;
     let mut guide = Guide::uniform();
@@ -157,29 +157,32 @@ fn aim(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
                 pilots.extend(found);
                 rays += traced;
             }
-            if pilots.len() >= ENOUGH_USEFUL {
+            if useful(&pilots) >= ENOUGH_USEFUL {
                 break;
             }
         }
-        if pilots.is_empty() {
+        if useful(&pilots) == 0 {
             break;
         }
-        guide = Guide::learn(pilots);
+        guide = Guide::learn(&mut pilots);
     }
     (guide, rays)
 }
 
-/// Shoots pilots; returns those that were kept, and the number of rays.
+/// Returns the number of pilots that were of use.
+fn useful(pilots: &[Pilot]) -> usize {
+    pilots.iter().filter(|pilot| pilot.score > 0.0).count()
+}
+
+/// Shoots pilots; returns them and the number of rays.
 fn pilot_block(scene: &Scene, kind: Kind, guide: &Guide, seed: u64, indices: Range<u32>) -> (Vec<Pilot>, u64) {
     let mut shot = Shot::default();
     let mut pilots = Vec::new();
     for index in indices {
         let mut source = Source::new(seed, index);
-        if let Some((u, ray, flux)) = source.emit(scene, guide, 1.0) {
+        if let Some(Start { u, density, ray, flux }) = source.emit(scene, guide, 1.0) {
             let kept = shot.follow(scene, kind, ray, flux, &mut source.rng);
-            if kept > 0 {
-                pilots.push(Pilot { u, score: f64::from(flux.max_element()) * f64::from(kept) });
-            }
+            pilots.push(Pilot { u, density, score: f64::from(flux.max_element()) * f64::from(kept) });
         }
     }
     (pilots, shot.rays)
@@ -199,20 +202,30 @@ struct Source {
     rng: Rng,
 }
 
+/// A photon about to leave its light.
+struct Start {
+    /// The numbers that made it.
+    u: [f32; DIMENSIONS],
+    /// Their density.
+    density: f32,
+    ray: Ray,
+    flux: Vec3,
+}
+
 impl Source {
     fn new(seed: u64, index: u32) -> Self {
         Self { start: Sampler::new(seed, 0, index), rng: Rng::new(seed, u64::from(index)) }
     }
 
-    /// Returns the numbers that made a photon, its ray and its flux.
-    fn emit(&mut self, scene: &Scene, guide: &Guide, scale: f32) -> Option<([f32; 5], Ray, Vec3)> {
+    /// Starts the photon, its flux times `scale`.
+    fn emit(&mut self, scene: &Scene, guide: &Guide, scale: f32) -> Option<Start> {
         let [choice, cell, x, y] = self.start.next_4d();
         let [z, w, ..] = self.start.next_4d();
         let (u, density) = guide.sample(cell, [choice, x, y, z, w]);
         let [choice, x, y, z, w] = u;
         let emission = scene.lights().emit(choice, Vec2::new(x, y), Vec2::new(z, w))?;
         let flux = emission.flux * (scale / density);
-        (flux.is_finite() && flux != Vec3::ZERO).then_some((u, emission.ray, flux))
+        (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray: emission.ray, flux })
     }
 }
 
