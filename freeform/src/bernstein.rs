@@ -62,14 +62,40 @@ pub(crate) const COUNT: usize = 7;
 /// Binomials of 6.
 const BINOMIAL: [f64; COUNT] = [1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0];
 
-/// Returns the Bernstein coefficients of `base + sum f q^3` on a span where every q is positive, and the sum of |f| 3 q^2 w that a relative error of the q,
-/// w being their weights, brings into them.
+/// A quadratic that is cubed, times a factor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cube {
+    pub(crate) quadratic: Quadratic,
+    pub(crate) factor: f64,
+    /// Sum of the absolute terms of the quadratic, as a polynomial in |s|.
+    pub(crate) weight: Quadratic,
+}
+
+impl Cube {
+    pub(crate) const ZERO: Self = Self { quadratic: Quadratic::ZERO, factor: 0.0, weight: Quadratic::ZERO };
+
+    /// Returns what a relative error of the terms of the quadratic, where it is `q`, brings into factor times cube.
+    #[inline]
+    pub(crate) fn error(&self, q: f64, weight: f64) -> f64 {
+        3.0 * self.factor.abs() * (q * q) * weight
+    }
+}
+
+/// Returns the Bernstein coefficients of `base + sum of cubes` on a span where every quadratic is positive, and the weights of the terms of the first, of those
+/// between and of the last: rounding is a share of them.
 pub(crate) fn sextic_on(
     base: Quadratic,
-    bumps: &[(Quadratic, f64)],
+    base_weight: Quadratic,
+    cubes: &[Cube],
     span: Span,
-    weight: impl Fn(usize) -> f64,
-) -> ([f64; COUNT], f64) {
+) -> ([f64; COUNT], [f64; 3]) {
+    let reach = span.reach();
+    let ends = [
+        if span.lo.is_finite() { span.lo.abs() } else { reach },
+        reach,
+        if span.hi.is_finite() { span.hi.abs() } else { reach },
+    ];
+    let mut weights = ends.map(|s| base_weight.at(s));
     let [f0, f1, f2] = quadratic_on(base, span);
     // Sum in scaled coefficients (binomial times Bernstein), which multiply like powers. The base times (1, 4, 6, 4, 1), cut off where the span is infinite.
     let f1 = 2.0 * f1;
@@ -88,13 +114,14 @@ pub(crate) fn sextic_on(
             f2,
         ]
     };
-    let mut error = 0.0;
-    for (index, &(q, factor)) in bumps.iter().enumerate() {
-        let [q0, q1, q2] = quadratic_on(q, span);
+    for cube in cubes {
+        let factor = cube.factor;
+        let [q0, q1, q2] = quadratic_on(cube.quadratic, span);
         // The ends may be roots of q: what rounding makes negative there is zero.
         let (q0, q2) = (q0.max(0.0), q2.max(0.0));
-        let largest = q0.max(q1.abs()).max(q2);
-        error += factor.abs() * 3.0 * (largest * largest) * weight(index);
+        for ((sum, q), s) in weights.iter_mut().zip([q0, q0.max(q1.abs()).max(q2), q2]).zip(ends) {
+            *sum += cube.error(q, cube.weight.at(s));
+        }
         let q1 = 2.0 * q1;
         let (p0, p1, p2) = (q0 * q0, q1 * q1, q2 * q2);
         let q02 = q0 * q2;
@@ -109,10 +136,10 @@ pub(crate) fn sextic_on(
     for (sum, binomial) in sum.iter_mut().zip(BINOMIAL) {
         *sum /= binomial;
     }
-    (sum, error)
+    (sum, weights)
 }
 
-/// Signs of a list of coefficients of which those within `noise` count as zero.
+/// Signs of a list of coefficients of which those within rounding count as unknown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Signs {
     /// Changes of sign: the number of roots inside is this or less by an even number.
@@ -121,25 +148,38 @@ pub(crate) struct Signs {
     pub(crate) first: f64,
     /// Last sign that is known.
     pub(crate) last: f64,
+    /// Unknown signs between known ones may hide two more changes.
+    pub(crate) doubtful: bool,
 }
 
-/// Returns the signs of Bernstein coefficients.
-pub(crate) fn signs(coefficients: &[f64; COUNT], noise: f64) -> Signs {
-    let mut signs = Signs { variations: 0, first: 0.0, last: 0.0 };
-    for &c in coefficients {
+/// Returns the signs of Bernstein coefficients; `noise` is the rounding of the first, of those between and of the last.
+pub(crate) fn signs(coefficients: &[f64; COUNT], noise: [f64; 3]) -> Signs {
+    let mut signs = Signs { variations: 0, first: 0.0, last: 0.0, doubtful: false };
+    let mut unknown = 0;
+    for (k, &c) in coefficients.iter().enumerate() {
+        let noise = match k {
+            0 => noise[0],
+            k if k == COUNT - 1 => noise[2],
+            _ => noise[1],
+        };
         // NaN is neither: it counts as unknown.
         let sign = if c > noise {
             1.0
         } else if c < -noise {
             -1.0
         } else {
+            unknown += 1;
             continue;
         };
         if signs.first == 0.0 {
             signs.first = sign;
+        } else {
+            // One unknown between different signs changes nothing.
+            signs.doubtful |= unknown > 1 || (unknown == 1 && signs.last == sign);
         }
         signs.variations += u32::from(signs.last == -sign);
         signs.last = sign;
+        unknown = 0;
     }
     signs
 }
@@ -161,14 +201,17 @@ mod tests {
     #[test]
     fn bernstein_form_equals_the_function() {
         let base = Quadratic { a: 0.3, b: -1.0, c: 0.2 };
-        let bumps = [(Quadratic { a: -1.0, b: 0.5, c: 3.0 }, 0.7), (Quadratic { a: 0.25, b: 0.1, c: 1.0 }, -0.2)];
-        let f = |s: f64| base.at(s) + bumps.iter().map(|(q, f)| f * q.at(s).powi(3)).sum::<f64>();
-        let (finite, _) = sextic_on(base, &bumps, Span { lo: -0.5, hi: 1.5, step: 1.0 }, |_| 0.0);
+        let cube = |a, b, c, factor| Cube { quadratic: Quadratic { a, b, c }, factor, weight: Quadratic::ZERO };
+        let cubes = [cube(-1.0, 0.5, 3.0, 0.7), cube(0.25, 0.1, 1.0, -0.2)];
+        let sum =
+            |cubes: &[Cube], s| base.at(s) + cubes.iter().map(|c| c.factor * c.quadratic.at(s).powi(3)).sum::<f64>();
+        let on = |cubes, lo, hi, step| sextic_on(base, Quadratic::ZERO, cubes, Span { lo, hi, step }).0;
+        let finite = on(&cubes, -0.5, 1.5, 1.0);
+        let f = |s| sum(&cubes, s);
         // On infinite spans a quadratic must be positive at infinity to take part.
-        let bumps = &bumps[1..];
-        let g = |s: f64| base.at(s) + bumps.iter().map(|(q, f)| f * q.at(s).powi(3)).sum::<f64>();
-        let (up, _) = sextic_on(base, bumps, Span { lo: -0.5, hi: f64::INFINITY, step: 2.0 }, |_| 0.0);
-        let (down, _) = sextic_on(base, bumps, Span { lo: f64::NEG_INFINITY, hi: 0.5, step: 2.0 }, |_| 0.0);
+        let up = on(&cubes[1..], -0.5, f64::INFINITY, 2.0);
+        let down = on(&cubes[1..], f64::NEG_INFINITY, 0.5, 2.0);
+        let g = |s| sum(&cubes[1..], s);
         for k in 0..=10 {
             let u = f64::from(k) / 10.0;
             assert!((evaluate(finite, u) - f(-0.5 + 2.0 * u)).abs() < 1e-13, "finite span at {u}");
@@ -183,8 +226,11 @@ mod tests {
 
     #[test]
     fn signs_skip_noise_and_nan() {
-        let s = signs(&[1e-17, 1.0, -1e-17, f64::NAN, 2.0, -1.0, 0.0], 1e-16);
-        assert_eq!(s, Signs { variations: 1, first: 1.0, last: -1.0 }, "one change among the known");
-        assert_eq!(signs(&[0.0; COUNT], 0.0), Signs { variations: 0, first: 0.0, last: 0.0 }, "nothing known");
+        let s = signs(&[1e-17, 1.0, -1e-17, f64::NAN, 2.0, -1.0, 0.0], [1e-16; 3]);
+        assert_eq!(s, Signs { variations: 1, first: 1.0, last: -1.0, doubtful: true }, "one change among the known");
+        let s = signs(&[1e-17, 1.0, 1e-17, -1.0, -1.0, -1.0, 1e-17], [0.0, 1e-16, 1e-16]);
+        assert_eq!(s, Signs { variations: 1, first: 1.0, last: -1.0, doubtful: false }, "one unknown at a change");
+        let s = signs(&[0.0; COUNT], [0.0; 3]);
+        assert_eq!(s, Signs { variations: 0, first: 0.0, last: 0.0, doubtful: false }, "nothing known");
     }
 }

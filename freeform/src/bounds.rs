@@ -136,16 +136,22 @@ struct Ellipsoid {
     widths_sq: DVec3,
     /// Relative error of centre and widths.
     error: f64,
+    /// Power of two that peak and error are to be multiplied with.
+    unit: f64,
 }
 
 /// Returns the largest value of a quadric, rounded up; infinite where it has none.
 fn peak(quadric: &Quadric) -> f64 {
-    Ellipsoid::of(quadric).map_or(f64::INFINITY, |e| e.peak + e.peak_error)
+    Ellipsoid::of(quadric).map_or(f64::INFINITY, |e| (e.peak + e.peak_error) * e.unit)
 }
 
 impl Ellipsoid {
     /// Completes the square; `None` where the quadratic part is not clearly negative definite in the variables that occur.
     fn of(quadric: &Quadric) -> Option<Self> {
+        // With the largest coefficient between 1 and 2, a common factor of 2^k changes no bit of the box.
+        let largest = quadric.coefficients.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+        let unit = f64::from_bits(largest.to_bits() & f64::INFINITY.to_bits());
+        let quadric = Quadric { coefficients: quadric.coefficients.map(|c| c / unit) };
         let hessian = quadric.hessian();
         let linear = quadric.linear();
         let occurs = |k: usize| hessian.col(k) != DVec3::ZERO || linear[k] != 0.0;
@@ -188,6 +194,6 @@ impl Ellipsoid {
             widths_sq[k] = f64::INFINITY;
         }
         let sound = center.is_finite() && peak.is_finite() && !widths_sq.is_nan();
-        sound.then_some(Self { center, peak, peak_error, widths_sq, error })
+        sound.then_some(Self { center, peak, peak_error, widths_sq, error, unit })
     }
 }

@@ -113,12 +113,11 @@ impl FreeForm {
     /// Returns the size of the terms that the gradient at `p` is summed from.
     pub(crate) fn gradient_weight(&self, p: DVec3) -> f64 {
         let p = p - self.origin;
-        let r = p.length();
         let perturbations = self.perturbations.iter().map(|Perturbation { quadric, factor }| {
             let q = quadric.value(p).max(0.0);
-            3.0 * factor.abs() * (q * q) * quadric.weight().slope(r)
+            3.0 * factor.abs() * (q * q) * quadric.gradient_weight(p).max_element()
         });
-        self.base.weight().slope(r) + perturbations.sum::<f64>()
+        self.base.gradient_weight(p).max_element() + perturbations.sum::<f64>()
     }
 
     /// Returns the second derivatives of F' at `p`; they are continuous across Q = 0.

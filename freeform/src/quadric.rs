@@ -87,11 +87,15 @@ impl Quadric {
         }
     }
 
-    /// Returns how large the terms of Q can be at a distance from the origin; rounding errors are shares of it.
+    /// Returns the sum of the absolute terms of Q(p + s d) as a polynomial in |s|; rounding errors of the value are shares of it.
     #[inline]
-    pub(crate) fn weight(&self) -> Weight {
-        let [a11, a22, a33, a12, a13, a23, a14, a24, a34, a44] = self.coefficients.map(f64::abs);
-        Weight { quadratic: a11 + a22 + a33 + a12 + a13 + a23, linear: a14 + a24 + a34, constant: a44 }
+    pub(crate) fn weight_along(&self, p: DVec3, d: DVec3) -> Quadratic {
+        Self { coefficients: self.coefficients.map(f64::abs) }.along(p.abs(), d.abs())
+    }
+
+    /// Returns the sums of the absolute terms of the three derivatives at `p`.
+    pub(crate) fn gradient_weight(&self, p: DVec3) -> DVec3 {
+        Self { coefficients: self.coefficients.map(f64::abs) }.gradient(p.abs())
     }
 
     /// Returns the quadric of the solid moved by `transform`: Q'(x) = Q(inverse(transform) x).
@@ -117,30 +121,6 @@ impl Quadric {
             l.z,
             self.value(t),
         ])
-    }
-}
-
-/// Sums of the absolute coefficients of each degree.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Weight {
-    quadratic: f64,
-    linear: f64,
-    constant: f64,
-}
-
-impl Weight {
-    pub(crate) const ZERO: Self = Self { quadratic: 0.0, linear: 0.0, constant: 0.0 };
-
-    /// Returns a bound on the sum of the absolute terms at distance `r`.
-    #[inline]
-    pub(crate) fn at(self, r: f64) -> f64 {
-        (self.quadratic * r + self.linear) * r + self.constant
-    }
-
-    /// Returns a bound on the length of the gradient at distance `r`.
-    #[inline]
-    pub(crate) fn slope(self, r: f64) -> f64 {
-        2.0 * self.quadratic * r + self.linear
     }
 }
 

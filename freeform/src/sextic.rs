@@ -4,9 +4,8 @@ use std::ops::ControlFlow;
 
 use crate::{
     Crossing,
-    bernstein::{COUNT, Span, sextic_on, signs},
+    bernstein::{COUNT, Cube, Span, sextic_on, signs},
     quadratic::Quadratic,
-    quadric::Weight,
     trace::{Local, Walker, value_noise},
 };
 
@@ -19,10 +18,9 @@ const STEPS_MAX: u32 = 100;
 pub(crate) struct Sextic<'a> {
     pub(crate) local: &'a Local,
     pub(crate) base: Quadratic,
-    pub(crate) base_weight: Weight,
-    /// Quadratic and factor of each acting perturbation.
-    pub(crate) bumps: &'a [(Quadratic, f64)],
-    pub(crate) weights: &'a [Weight],
+    /// Sum of the absolute terms of the base, as a polynomial in |s|.
+    pub(crate) base_weight: Quadratic,
+    pub(crate) cubes: &'a [Cube],
     /// Where the ray starts, and the value below which it starts on the surface.
     pub(crate) start: Option<(f64, f64)>,
 }
@@ -47,25 +45,25 @@ impl Sextic<'_> {
         depth: u32,
         walker: &mut Walker<V>,
     ) -> ControlFlow<()> {
-        let r = self.local.distance(span.reach());
-        let (mut coefficients, error) = sextic_on(self.base, self.bumps, span, |k| self.weights[k].at(r));
+        let (mut coefficients, weights) = sextic_on(self.base, self.base_weight, self.cubes, span);
         let starts_on_surface =
             self.start.is_some_and(|(start, noise)| span.lo == start && coefficients[0].abs() <= noise);
         if starts_on_surface {
             coefficients[0] = 0.0;
         }
-        let signs = signs(&coefficients, value_noise(self.base_weight.at(r) + error));
+        let signs = signs(&coefficients, weights.map(value_noise));
         let Span { lo, hi, .. } = span;
         if signs.first == 0.0 {
             // Zero in every digit is the surface itself, which is inside; else rounding hides the sign and the walker keeps the last one.
             return if coefficients == [0.0; COUNT] { walker.stretch(lo, hi, true) } else { ControlFlow::Continue(()) };
         }
         let inside = signs.first > 0.0;
-        if signs.variations == 0 {
+        let settled = !signs.doubtful || depth == DEPTH_MAX;
+        if signs.variations == 0 && settled {
             return walker.stretch(lo, hi, inside);
         }
         // From a start on the surface the span is cut first, so that the polish cannot fall back to the start.
-        if signs.variations == 1 && !starts_on_surface && lo.is_finite() && hi.is_finite() {
+        if signs.variations == 1 && settled && !starts_on_surface && lo.is_finite() && hi.is_finite() {
             let root = self.polish(lo, hi, &coefficients, inside);
             return walker.root((lo, root, hi), inside);
         }
@@ -83,7 +81,7 @@ impl Sextic<'_> {
     fn value_and_slope(&self, s: f64) -> (f64, f64) {
         let mut value = self.base.at(s);
         let mut slope = self.base.slope(s);
-        for &(q, factor) in self.bumps {
+        for &Cube { quadratic: q, factor, .. } in self.cubes {
             let (at, change) = (q.at(s), q.slope(s));
             let square = factor * (at * at);
             value += square * at;

@@ -11,9 +11,9 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 
 use crate::{
-    Crossing, FreeForm, Perturbation, Ray,
+    Crossing, FreeForm, Perturbation, Quadric, Ray,
+    bernstein::Cube,
     quadratic::{Quadratic, Roots},
-    quadric::Weight,
     sextic::Sextic,
 };
 
@@ -22,8 +22,7 @@ const SMALL: usize = 8;
 /// See `SMALL`; the larger arrays cost 4 KB of zeros.
 const LARGE: usize = 32;
 
-/// Rounding of a value as a share of the largest terms that may enter it: half a unit in the last place, against a weight that is already too large by a
-/// factor of two to ten. A dip shallower than this is a touch, not two crossings.
+/// Rounding of a value as a share of its absolute terms. A dip shallower than this is a touch, not two crossings.
 const VALUE_ROUNDING: f64 = 0.5 * f64::EPSILON;
 /// A start so near to the surface, in shares as above, is on the surface. Hit points that a caller computes carry several roundings.
 const START_ROUNDING: f64 = 8.0 * f64::EPSILON;
@@ -83,12 +82,6 @@ impl Local {
         (p.is_finite() && local.lo < local.hi).then_some(local)
     }
 
-    /// Returns a bound on the distance from the form's origin at the parameter `s`.
-    #[inline]
-    pub(crate) fn distance(&self, s: f64) -> f64 {
-        self.p_length + s.abs() * self.d_length
-    }
-
     /// Returns the change of s that moves a point by as much as p is long: the unit in which an infinite span is cut and below whose rounding no root is polished.
     #[inline]
     pub(crate) fn unit(&self) -> f64 {
@@ -100,9 +93,9 @@ impl Local {
 /// A perturbation along the ray and where it acts.
 #[derive(Debug, Clone, Copy)]
 struct Bump {
-    quadratic: Quadratic,
-    factor: f64,
-    weight: Weight,
+    cube: Cube,
+    /// Place in the form.
+    index: usize,
     lo: f64,
     hi: f64,
     /// It acts outside (lo, hi) instead of inside.
@@ -110,12 +103,11 @@ struct Bump {
 }
 
 impl Bump {
-    const NONE: Self =
-        Self { quadratic: Quadratic::ZERO, factor: 0.0, weight: Weight::ZERO, lo: 0.0, hi: 0.0, outside: false };
+    const NONE: Self = Self { cube: Cube::ZERO, index: 0, lo: 0.0, hi: 0.0, outside: false };
 
     /// Returns the perturbation along the ray if it acts anywhere on it.
     #[inline]
-    fn new(perturbation: &Perturbation, local: &Local) -> Option<Self> {
+    fn new(index: usize, perturbation: &Perturbation, local: &Local) -> Option<Self> {
         let quadratic = perturbation.quadric.along(local.p, local.d);
         let (lo, hi, outside) = match quadratic.roots() {
             Roots::None => {
@@ -127,7 +119,10 @@ impl Bump {
         };
         let acts = if outside { local.lo < lo || hi < local.hi } else { local.lo < hi && lo < local.hi };
         let Perturbation { quadric, factor } = perturbation;
-        (acts && *factor != 0.0).then(|| Self { quadratic, factor: *factor, weight: quadric.weight(), lo, hi, outside })
+        (acts && *factor != 0.0).then(|| {
+            let weight = quadric.weight_along(local.p, local.d);
+            Self { cube: Cube { quadratic, factor: *factor, weight }, index, lo, hi, outside }
+        })
     }
 
     /// Says whether it acts on a piece; pieces end at `lo` and `hi`.
@@ -140,8 +135,7 @@ impl Bump {
 /// Arrays for one ray.
 struct Scratch<'a> {
     bumps: &'a mut [Bump],
-    acting: &'a mut [(Quadratic, f64)],
-    weights: &'a mut [Weight],
+    acting: &'a mut [Cube],
     breaks: &'a mut [f64],
 }
 
@@ -164,10 +158,8 @@ pub(crate) fn walk(form: &FreeForm, ray: &Ray, visit: impl FnMut(Crossing) -> Co
         1..=SMALL => walk_with::<SMALL, { 2 * SMALL + 3 }>(form, &local, visit),
         ..=LARGE => walk_with::<LARGE, { 2 * LARGE + 3 }>(form, &local, visit),
         n => {
-            let (mut bumps, mut acting) = (vec![Bump::NONE; n], vec![(Quadratic::ZERO, 0.0); n]);
-            let (mut weights, mut breaks) = (vec![Weight::ZERO; n], vec![0.0; 2 * n + 3]);
-            let scratch =
-                Scratch { bumps: &mut bumps, acting: &mut acting, weights: &mut weights, breaks: &mut breaks };
+            let (mut bumps, mut acting, mut breaks) = (vec![Bump::NONE; n], vec![Cube::ZERO; n], vec![0.0; 2 * n + 3]);
+            let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, breaks: &mut breaks };
             walk_pieces(form, &local, scratch, visit)
         }
     }
@@ -179,9 +171,8 @@ fn walk_with<const N: usize, const BREAKS: usize>(
     local: &Local,
     visit: impl FnMut(Crossing) -> ControlFlow<()>,
 ) -> Walked {
-    let (mut bumps, mut acting) = ([Bump::NONE; N], [(Quadratic::ZERO, 0.0); N]);
-    let (mut weights, mut breaks) = ([Weight::ZERO; N], [0.0; BREAKS]);
-    let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, weights: &mut weights, breaks: &mut breaks };
+    let (mut bumps, mut acting, mut breaks) = ([Bump::NONE; N], [Cube::ZERO; N], [0.0; BREAKS]);
+    let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, breaks: &mut breaks };
     walk_pieces(form, local, scratch, visit)
 }
 
@@ -192,9 +183,10 @@ fn walk_pieces(
     scratch: Scratch<'_>,
     visit: impl FnMut(Crossing) -> ControlFlow<()>,
 ) -> Walked {
-    let Scratch { bumps, acting, weights, breaks } = scratch;
+    let Scratch { bumps, acting, breaks } = scratch;
     let mut count = 0;
-    for bump in form.perturbations().iter().filter_map(|perturbation| Bump::new(perturbation, local)) {
+    let perturbations = form.perturbations().iter().enumerate();
+    for bump in perturbations.filter_map(|(index, perturbation)| Bump::new(index, perturbation, local)) {
         bumps[count] = bump;
         count += 1;
     }
@@ -202,7 +194,7 @@ fn walk_pieces(
     let breaks = sorted_breaks(bumps, local, breaks);
 
     let base = form.base().along(local.p, local.d);
-    let base_weight = form.base().weight();
+    let base_weight = form.base().weight_along(local.p, local.d);
     let mut walker = Walker {
         t0: local.t0,
         t_min: local.t_min,
@@ -213,13 +205,12 @@ fn walk_pieces(
         pending: None,
         visit,
     };
-    let mut start_noise = local.start_error.map(|error| start_noise(base_weight, bumps, local, error));
+    let mut start_noise = local.start_error.map(|error| start_noise(form, base_weight, bumps, local, error));
     for piece in breaks.windows(2) {
         let &[lo, hi] = piece else { continue };
         let mut active = 0;
         for bump in bumps.iter().filter(|bump| bump.acts_on(lo, hi)) {
-            acting[active] = (bump.quadratic, bump.factor);
-            weights[active] = bump.weight;
+            acting[active] = bump.cube;
             active += 1;
         }
         let flow = if active == 0 {
@@ -229,8 +220,7 @@ fn walk_pieces(
                 local,
                 base,
                 base_weight,
-                bumps: &acting[..active],
-                weights: &weights[..active],
+                cubes: &acting[..active],
                 start: start_noise.map(|noise| (lo, noise)),
             };
             sextic.walk(lo, hi, &mut walker)
@@ -279,14 +269,21 @@ fn sorted_breaks<'a>(bumps: &[Bump], local: &Local, breaks: &'a mut [f64]) -> &'
 }
 
 /// Returns the value below which the start counts as on the surface.
-fn start_noise(base: Weight, bumps: &[Bump], local: &Local, point_error: f64) -> f64 {
-    let r = local.distance(local.lo);
-    let noise = |weight: Weight| START_ROUNDING * weight.at(r) + point_error * weight.slope(r);
+fn start_noise(form: &FreeForm, base_weight: Quadratic, bumps: &[Bump], local: &Local, point_error: f64) -> f64 {
+    let start = local.p + local.lo * local.d;
+    let noise = |quadric: &Quadric, weight: Quadratic| {
+        START_ROUNDING * weight.at(local.lo.abs()) + point_error * quadric.gradient_weight(start).element_sum()
+    };
     let bumps = bumps.iter().map(|bump| {
-        let q = bump.quadratic.at(local.lo).max(0.0);
-        3.0 * bump.factor.abs() * (q * q) * noise(bump.weight)
+        let q = bump.cube.quadratic.at(local.lo);
+        // Nothing is lost where it does not act.
+        if q > 0.0 {
+            bump.cube.error(q, noise(&form.perturbations()[bump.index].quadric, bump.cube.weight))
+        } else {
+            0.0
+        }
     });
-    noise(base) + bumps.sum::<f64>()
+    noise(form.base(), base_weight) + bumps.sum::<f64>()
 }
 
 /// Follows the sign of the function along the ray.
@@ -356,7 +353,7 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
         &mut self,
         local: &Local,
         q: Quadratic,
-        weight: Weight,
+        weight: Quadratic,
         (lo, hi): (f64, f64),
         start_noise: Option<f64>,
     ) -> ControlFlow<()> {
@@ -372,7 +369,7 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
             Roots::One(root) => (root, f64::INFINITY),
             Roots::Two(first, second) => {
                 let vertex = -0.5 * q.b / q.a;
-                let touches = (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(local.distance(vertex));
+                let touches = (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(vertex.abs());
                 if touches { (f64::INFINITY, f64::INFINITY) } else { (first, second) }
             }
         };
