@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::{UVec2, Vec3};
-use integrator::Method;
+use integrator::{Method, Study};
 
 /// A picture's size, `WIDTHxHEIGHT`. What is too large for 32 bits becomes the largest number, which the limit refuses.
 pub(crate) fn size(text: &str) -> Result<UVec2, String> {
@@ -57,6 +57,31 @@ pub(crate) fn method() -> impl TypedValueParser<Value = Method> {
     const METHODS: [Method; 3] = [Method::Reproject, Method::Gather, Method::Path];
     PossibleValuesParser::new(METHODS.map(Method::name))
         .map(|name| METHODS.into_iter().find(|method| method.name() == name).expect("one of the possible values"))
+}
+
+/// A single setting for study, checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct StudySetting {
+    /// Its name.
+    pub(crate) name: String,
+    /// Its value as it was written.
+    pub(crate) value: String,
+}
+
+/// A setting for study, `NAME=VALUE`.
+pub(crate) fn study(text: &str) -> Result<StudySetting, String> {
+    let (name, value) = text.split_once('=').ok_or_else(|| "write it as spacing=0.2".to_owned())?;
+    Study::default().set(name, value).map_err(|error| error.to_string())?;
+    Ok(StudySetting { name: name.to_owned(), value: value.to_owned() })
+}
+
+/// All settings for study together; the last of a name counts.
+pub(crate) fn all_studies(settings: &[StudySetting]) -> Study {
+    let mut study = Study::default();
+    for setting in settings {
+        study.set(&setting.name, &setting.value).expect("checked when it was parsed");
+    }
+    study
 }
 
 /// The kinds of pictures that are written.
@@ -120,6 +145,16 @@ mod tests {
         );
         assert!(stops("-3").is_ok() && stops("65").is_err() && stops("inf").is_err(), "stops");
         assert!(not_negative("0").is_ok() && not_negative("-0.1").is_err(), "not negative");
+    }
+
+    #[test]
+    fn settings_for_study() {
+        let set: Vec<_> = ["layers=8", "layers=32", "trail=all"].map(|text| study(text).unwrap()).to_vec();
+        let all = all_studies(&set);
+        assert_eq!((all.layers, all.all_trails), (Some(32), Some(true)), "the last of a name counts");
+        for text in ["layers", "layers=", "speed=2", "trail=some"] {
+            assert!(study(text).is_err(), "{text:?}");
+        }
     }
 
     #[test]

@@ -42,6 +42,11 @@ pub(crate) struct RenderArgs {
     /// Samples a pixel, instead of what the quality gives
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     spp: Option<u32>,
+    /// Single setting for study, instead of what the quality gives: resolution, spacing, layers, merge, step, agreement, verify,
+    /// light-samples, photons, coverage (rect, quad), trail (all, silhouettes), weights (bits, areas), secondary (cells, photons,
+    /// paths); may be given several times
+    #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]
+    set: Vec<args::StudySetting>,
     /// Width and height in pixels [default: the scene's, or 640x360]
     #[arg(long, value_name = "WxH", value_parser = args::size, allow_hyphen_values = true)]
     size: Option<UVec2>,
@@ -224,7 +229,7 @@ impl RenderArgs {
             spp: self.spp.or(file.spp),
             size: self.size.or(file.size).unwrap_or(default.size),
             seed: self.seed.or(file.seed).unwrap_or(default.seed),
-            ..default
+            study: args::all_studies(&self.set),
         }
     }
 
@@ -253,6 +258,9 @@ impl RenderArgs {
         add("method", Some(settings.method.name().to_owned()));
         add("quality", Some(settings.quality.to_string()));
         add("spp", settings.spp.map(|spp| spp.to_string()));
+        for setting in &self.set {
+            add("set", Some(format!("{}={}", setting.name, setting.value)));
+        }
         add("size", Some(format!("{}x{}", settings.size.x, settings.size.y)));
         add("seed", Some(settings.seed.to_string()));
         add("eye", self.eye.map(vector));

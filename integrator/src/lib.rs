@@ -17,6 +17,7 @@ mod secondary;
 mod settings;
 mod sky;
 mod statistics;
+mod study;
 mod surface_points;
 mod terms;
 
@@ -29,3 +30,4 @@ pub use secondary::{Known, NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};
 pub use sky::SkySplit;
 pub use statistics::{Phase, Progress, RayCounts, Statistics};
+pub use study::{Study, StudyError};

@@ -8,6 +8,8 @@ use crate::{Method, SecondaryKind, Settings};
 /// The decisions of a rendering by the four-term methods.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Plan {
+    /// Where gather rays take their light from.
+    pub(crate) secondary: SecondaryKind,
     /// Primary samples a pixel.
     pub(crate) spp: u32,
     /// Light samples a primary sample.
@@ -43,28 +45,36 @@ impl Plan {
         let cache = settings.method == Method::Reproject;
         // Error falls as n^-2 in relMSE and the rays of a record grow as n^2, so n goes with the square root of the time.
         let base_n = if cache { 32.0 } else { 16.0 };
-        let n = round(base_n * quality.sqrt(), 4.0, 64.0) as usize;
+        let study = &settings.study;
+        let secondary = study.secondary.unwrap_or_default();
+        let n = study.resolution.unwrap_or_else(|| round(base_n * quality.sqrt(), 4.0, 64.0)) as usize;
         let spp = settings.spp.unwrap_or_else(|| round(16.0 * quality, 4.0, 65_536.0));
-        let photons = round(200_000.0 * quality.sqrt(), 20_000.0, 5_000_000.0);
+        let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if features.glossy { 0.1 } else { 2.0 };
+        let max_side = study.merge.map_or(4, |side| u8::try_from(side).unwrap_or(u8::MAX));
         Self {
+            secondary,
             spp,
-            light_samples: 1,
+            light_samples: study.light_samples.unwrap_or(1),
             n,
-            record: RecordSettings { layers: 16, merge: MergeSettings { max_contrast, ..MergeSettings::default() } },
-            spacing: 0.3,
-            agreement: (0.1 / quality.sqrt()).clamp(0.01, 0.3),
-            reproject: reproject::Settings::default(),
-            verify_side: 2,
-            global_photons: if lit && features.diffuse && settings.secondary == SecondaryKind::Photons {
-                photons
-            } else {
-                0
+            record: RecordSettings {
+                layers: study.layers.unwrap_or(16) as usize,
+                merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
-            caustic_photons: if lit && features.delta { 2 * photons } else { 0 },
-            cell_rays: if features.diffuse && settings.secondary == SecondaryKind::Cells {
+            spacing: study.spacing.unwrap_or(0.3),
+            agreement: study.agreement.unwrap_or_else(|| (0.1 / quality.sqrt()).clamp(0.01, 0.3)),
+            reproject: reproject::Settings {
+                coverage: study.coverage(),
+                trails: study.trails(),
+                weights: study.weights(),
+                step: study.step.unwrap_or(2),
+            },
+            verify_side: study.verify.unwrap_or(2),
+            global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { photons } else { 0 },
+            caustic_photons: if lit && features.delta { photons } else { 0 },
+            cell_rays: if features.diffuse && secondary == SecondaryKind::Cells {
                 round(500_000.0 * quality, 50_000.0, 50_000_000.0)
             } else {
                 0

@@ -44,7 +44,7 @@ pub fn render(
             let sky = statistics.time("lights", |_| SkySplit::new(scene));
             let sky = sky.as_ref();
             let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
-            if settings.secondary == SecondaryKind::Photons {
+            if plan.secondary == SecondaryKind::Photons {
                 four_terms::render(scene, settings, &plan, &maps, sky, &mut statistics, progress)
             } else {
                 let caustic = |surface: &Surface| maps.caustic_irradiance(surface.p, surface.ng);

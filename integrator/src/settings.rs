@@ -4,6 +4,8 @@ use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::Study;
+
 /// Largest picture, pixels.
 pub const MAX_PIXELS: u64 = 1 << 28;
 /// Largest width and height, pixels.
@@ -66,8 +68,8 @@ pub struct Settings {
     pub spp: Option<u32>,
     /// Width and height, pixels: each in [1, 16384], together at most 2^28.
     pub size: UVec2,
-    /// Where gather rays take their light from.
-    pub secondary: SecondaryKind,
+    /// Single settings that overrule the quality.
+    pub study: Study,
     /// Any number; another seed gives a statistically independent picture.
     pub seed: u64,
 }
@@ -79,7 +81,7 @@ impl Default for Settings {
             quality: 1.0,
             spp: None,
             size: UVec2::new(640, 360),
-            secondary: SecondaryKind::default(),
+            study: Study::default(),
             seed: 0,
         }
     }

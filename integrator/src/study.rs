@@ -1,0 +1,172 @@
+//! Single settings of the methods, for study: each overrules what the quality and the scene would choose.
+
+use std::fmt::Display;
+use std::str::FromStr;
+
+use reproject::{AreaWeights, Coverage, Trails};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::SecondaryKind;
+
+/// Settings that overrule those of the quality; `None` leaves one as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Study {
+    /// Texels along a side of a gather, 1 to 64.
+    pub resolution: Option<u32>,
+    /// Reach of records as a share of the harmonic mean distance, 0.001 to 10.
+    pub spacing: Option<f32>,
+    /// Depth layers, 2 to 256.
+    pub layers: Option<u32>,
+    /// Texels along a side of an s-element at most, 1 to 64; 1 merges nothing.
+    pub merge: Option<u32>,
+    /// Texels along a side of the block that a hole ray stands for, 1 to 64.
+    pub step: Option<u32>,
+    /// Relative difference within which neighbours of the lattice are interpolated; 0 interpolates nothing.
+    pub agreement: Option<f32>,
+    /// Verification rays along a side, 0 to 8; 0 verifies nothing.
+    pub verify: Option<u32>,
+    /// Light samples a primary sample, 1 to 1024.
+    pub light_samples: Option<u32>,
+    /// Photons to shoot into each map that the scene needs, 1 to 10^8.
+    pub photons: Option<u32>,
+    /// Whether elements cover the rectangle around their corners, as in the paper, or their quadrilateral.
+    pub rectangles: Option<bool>,
+    /// Whether all elements leave trails, as in the paper, or silhouettes only.
+    pub all_trails: Option<bool>,
+    /// Whether shares are counted in bits or measured as areas.
+    pub count_bits: Option<bool>,
+    /// Where gather rays take the light of the surfaces that they meet from.
+    pub secondary: Option<SecondaryKind>,
+}
+
+/// A setting for study that does not exist or is out of its range.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// No setting of this name.
+    #[error(
+        "{0}: there is no such setting; it is one of resolution, spacing, layers, merge, step, agreement, verify, \
+         light-samples, photons, coverage, trail, weights, secondary"
+    )]
+    Unknown(String),
+    /// A value that is not among those of the setting.
+    #[error("{name} {value}: must be {expected}")]
+    Value {
+        /// The setting.
+        name: String,
+        /// What was given.
+        value: String,
+        /// What it takes.
+        expected: String,
+    },
+}
+
+impl Study {
+    /// Sets one setting from text, as the command line writes it.
+    ///
+    /// # Errors
+    ///
+    /// When there is no such setting, or the value is not one that it takes.
+    ///
+    /// ```
+    /// let mut study = integrator::Study::default();
+    /// study.set("coverage", "rect").unwrap();
+    /// assert_eq!(study.rectangles, Some(true));
+    /// assert!(study.set("layers", "1000").is_err());
+    /// ```
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), StudyError> {
+        match name {
+            "resolution" => self.resolution = Some(number(name, value, 1, 64)?),
+            "spacing" => self.spacing = Some(number(name, value, 0.001, 10.0)?),
+            "layers" => self.layers = Some(number(name, value, 2, 256)?),
+            "merge" => self.merge = Some(number(name, value, 1, 64)?),
+            "step" => self.step = Some(number(name, value, 1, 64)?),
+            "agreement" => self.agreement = Some(number(name, value, 0.0, 10.0)?),
+            "verify" => self.verify = Some(number(name, value, 0, 8)?),
+            "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
+            "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
+            "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
+            "trail" => self.all_trails = Some(choice(name, value, [("all", true), ("silhouettes", false)])?),
+            "weights" => self.count_bits = Some(choice(name, value, [("bits", true), ("areas", false)])?),
+            "secondary" => {
+                let kinds = [SecondaryKind::Cells, SecondaryKind::Photons, SecondaryKind::Paths];
+                self.secondary = Some(choice(name, value, ["cells", "photons", "paths"].into_iter().zip(kinds))?);
+            }
+            _ => return Err(StudyError::Unknown(name.to_owned())),
+        }
+        Ok(())
+    }
+
+    /// What an element covers.
+    pub(crate) fn coverage(&self) -> Coverage {
+        if self.rectangles == Some(true) { Coverage::Rectangle } else { Coverage::Quad }
+    }
+
+    /// Who leaves trails.
+    pub(crate) fn trails(&self) -> Trails {
+        if self.all_trails == Some(true) { Trails::All } else { Trails::Silhouettes }
+    }
+
+    /// How shares are measured.
+    pub(crate) fn weights(&self) -> AreaWeights {
+        if self.count_bits == Some(true) { AreaWeights::Bits } else { AreaWeights::Analytic }
+    }
+}
+
+fn number<T: FromStr + PartialOrd + Display>(name: &str, value: &str, min: T, max: T) -> Result<T, StudyError> {
+    match value.parse() {
+        Ok(number) if number >= min && number <= max => Ok(number),
+        _ => Err(refused(name, value, format!("a number from {min} to {max}"))),
+    }
+}
+
+fn choice<T: Copy>(
+    name: &str,
+    value: &str,
+    choices: impl IntoIterator<Item = (&'static str, T)>,
+) -> Result<T, StudyError> {
+    let choices: Vec<_> = choices.into_iter().collect();
+    let found = choices.iter().find(|(word, _)| *word == value).map(|&(_, choice)| choice);
+    let words: Vec<_> = choices.iter().map(|(word, _)| *word).collect();
+    found.ok_or_else(|| refused(name, value, words.join(" or ")))
+}
+
+fn refused(name: &str, value: &str, expected: String) -> StudyError {
+    StudyError::Value { name: name.to_owned(), value: value.to_owned(), expected }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_takes_a_value_and_refuses_nonsense() {
+        let good = [
+            ("resolution", "16"),
+            ("spacing", "0.3"),
+            ("layers", "32"),
+            ("merge", "1"),
+            ("step", "3"),
+            ("agreement", "0"),
+            ("verify", "0"),
+            ("light-samples", "4"),
+            ("photons", "1000"),
+            ("coverage", "rect"),
+            ("trail", "all"),
+            ("weights", "bits"),
+            ("secondary", "photons"),
+        ];
+        for (name, value) in good {
+            let mut study = Study::default();
+            assert_eq!(study.set(name, value), Ok(()), "{name}");
+            assert_ne!(study, Study::default(), "{name} changes something");
+            for nonsense in ["", "-1", "nan", "many", "1e99"] {
+                let error = study.set(name, nonsense).unwrap_err().to_string();
+                assert!(error.starts_with(name), "{error}");
+            }
+        }
+        assert!(Study::default().set("speed", "9").unwrap_err().to_string().contains("speed"), "by name");
+    }
+}
