@@ -78,8 +78,9 @@ impl Workspace {
 /// Most verification rays along a side.
 const MAX_SIDE: usize = 16;
 
+/// The low 24 bits as a number in [0, 1).
 fn unit(bits: u64) -> f32 {
-    ((bits & 0xff_ffff) as f32 + 0.5) / 16_777_216.0
+    (bits & 0xff_ffff) as f32 / 16_777_216.0
 }
 
 fn texel_at(place: Vec2, n: usize) -> usize {

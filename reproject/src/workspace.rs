@@ -1,13 +1,11 @@
-//! The reprojection itself: layers from front to back, masks, weights, and what another point sees at the end.
+//! The buffers of a reprojection, and what another point sees at its end.
 
-use glam::{Mat3A, Vec2, Vec3, Vec3A};
+use glam::{Mat3A, Vec3, Vec3A};
 use hemimap::Frame;
 use radcache::{Elements, MAX_RESOLUTION, Record};
 
 use crate::holes::Hole;
-use crate::kernel::{direction_to_square, project_corners};
-use crate::masks::{Masks, Rows, polygon_rows, rectangle_rows};
-use crate::trail::{sweep_all, sweep_silhouettes};
+use crate::masks::{Masks, Rows};
 use crate::{Traced, Tracer};
 
 /// What of the square an element covers.
@@ -77,7 +75,7 @@ pub(crate) const NOBODY: u16 = u16::MAX;
 
 /// Buffers of a reprojection, and its result; kept by a thread and used again, so that no call allocates.
 ///
-/// The order of calls: [`Self::project`], then [`Self::trace_holes`], then any of the results. Texels are indexed as in
+/// The order of calls: [`Self::project`], perhaps [`Self::verify`], then [`Self::trace_holes`], then any of the results. Texels are indexed as in
 /// [`radcache::Samples`], in the frame that [`Self::frame`] gives.
 #[derive(Debug)]
 pub struct Workspace {
@@ -87,22 +85,25 @@ pub struct Workspace {
     pub(crate) rotation: Mat3A,
     pub(crate) offset: Vec3A,
     pub(crate) masks: Masks,
-    u: [Vec<f32>; 4],
-    v: [Vec<f32>; 4],
-    z: [Vec<f32>; 4],
-    /// Share of the integral of each element.
-    weight: Vec<f32>,
-    /// The element that fills each texel.
+    /// Corners of the elements in the square, and their heights.
+    pub(crate) u: [Vec<f32>; 4],
+    pub(crate) v: [Vec<f32>; 4],
+    pub(crate) z: [Vec<f32>; 4],
+    /// Share of the integral of each element, padded as they are.
+    pub(crate) weight: Vec<f32>,
+    /// The element that fills each texel, with room for a whole run after the last.
     pub(crate) owner: Vec<u16>,
-    layer_fill: Rows,
-    trail: Rows,
+    /// Bits of one polygon.
+    pub(crate) bits: Rows,
+    pub(crate) layer_fill: Rows,
+    pub(crate) trail: Rows,
     pub(crate) holes: Vec<Hole>,
     pub(crate) directions: Vec<Vec3A>,
     pub(crate) traced: Vec<Traced>,
     texture: Vec<Vec3>,
     /// Sums over elements by their shares: those at a distance, and those at infinity.
-    filled_sum: [Vec3; 2],
-    filled_weight: f32,
+    pub(crate) filled_sum: [Vec3; 2],
+    pub(crate) filled_weight: f32,
 }
 
 impl Default for Workspace {
@@ -126,6 +127,7 @@ impl Workspace {
             z: Default::default(),
             weight: Vec::new(),
             owner: Vec::new(),
+            bits: [0; MAX_RESOLUTION],
             layer_fill: [0; MAX_RESOLUTION],
             trail: [0; MAX_RESOLUTION],
             holes: Vec::new(),
@@ -135,44 +137,6 @@ impl Workspace {
             filled_sum: [Vec3::ZERO; 2],
             filled_weight: 0.0,
         }
-    }
-
-    /// Projects the elements of a record to a point `p` with unit normal `n` in world space, nearest layer first.
-    ///
-    /// Bits that an element of a nearer layer filled, or that a nearer layer made unknown, are closed to it; what its own layer
-    /// made unknown counts from the next layer on (paper, section 5.3). An element that is seen from behind, or whose radiance
-    /// depends on the view, fills nothing and makes unknown what it covers: the record knows only its front, from its own place.
-    pub fn project(&mut self, record: &Record, p: Vec3A, n: Vec3A, settings: &Settings) -> Shares {
-        self.place(record, p, n);
-        let elements = record.elements();
-        let padded = elements.padded_len();
-        for corner in self.u.iter_mut().chain(&mut self.v).chain(&mut self.z) {
-            corner.resize(padded, 0.0);
-        }
-        self.weight.clear();
-        self.weight.resize(elements.len(), 0.0);
-        self.owner.clear();
-        self.owner.resize(self.n * self.n, NOBODY);
-        self.masks.reset(self.n);
-        project_corners(elements, &self.rotation, self.offset, &mut self.u, &mut self.v, &mut self.z);
-        for layer in 0..elements.layer_count() {
-            for e in elements.layer(layer) {
-                self.fill_element(elements, e, settings);
-                match settings.trails {
-                    Trails::Silhouettes => {
-                        sweep_silhouettes(elements, e, &self.rotation, self.n, &self.u, &self.v, &mut self.trail)
-                    }
-                    Trails::All => sweep_all(elements, e, &self.rotation, self.n, &self.u, &self.v, &mut self.trail),
-                }
-            }
-            self.masks.end_layer(&mut self.layer_fill, &mut self.trail);
-        }
-        self.sum_elements(elements);
-        self.holes.clear();
-        let texels = (self.n * self.n) as f32;
-        let filled = self.masks.count(&self.masks.fill) as f32 / texels;
-        let unknown = self.masks.count(&self.masks.unknown) as f32 / texels;
-        Shares { filled, unknown, holes: 1.0 - filled }
     }
 
     /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and gives the
@@ -212,11 +176,9 @@ impl Workspace {
         let elements = record.elements();
         self.texture.clear();
         self.texture.extend(
-            self.owner.iter().map(
-                |&owner| {
-                    if owner == NOBODY { Vec3::ZERO } else { radiance(elements, usize::from(owner)) }
-                },
-            ),
+            self.owner[..self.n * self.n]
+                .iter()
+                .map(|&owner| if owner == NOBODY { Vec3::ZERO } else { radiance(elements, usize::from(owner)) }),
         );
         for (hole, traced) in self.holes.iter().zip(&self.traced) {
             hole.for_each_texel(self.n, &self.masks, |texel| self.texture[texel] = traced.radiance);
@@ -281,119 +243,8 @@ impl Workspace {
         let owner = self.owner[texel];
         (owner != NOBODY).then_some(usize::from(owner))
     }
-
-    fn place(&mut self, record: &Record, p: Vec3A, n: Vec3A) {
-        let frame = record.frame();
-        self.n = record.samples().resolution();
-        self.offset = frame.to_local(p - record.centre());
-        if n == frame.n {
-            // Exactly, so that a record gives itself back bit for bit.
-            self.frame = frame;
-            self.rotation = Mat3A::IDENTITY;
-        } else {
-            self.frame = frame.transported_to(n);
-            let column = |axis| self.frame.to_local(axis);
-            self.rotation = Mat3A::from_cols(column(frame.s), column(frame.t), column(frame.n));
-        }
-    }
-
-    /// Sets the bits of one element and finds its weight.
-    fn fill_element(&mut self, elements: &Elements, e: usize, settings: &Settings) {
-        let z: [f32; 4] = std::array::from_fn(|k| self.z[k][e]);
-        let mut polygon = [Vec2::ZERO; MAX_CLIPPED];
-        let corners = if z.iter().all(|&z| z >= -HORIZON) {
-            for (k, corner) in polygon[..4].iter_mut().enumerate() {
-                *corner = Vec2::new(self.u[k][e], self.v[k][e]);
-            }
-            4
-        } else if z.iter().all(|&z| z < -HORIZON) {
-            return;
-        } else {
-            let space =
-                std::array::from_fn(|k| self.rotation * (elements.corner(e, k) - self.offset * elements.finite[e]));
-            clip_at_horizon(&space, &mut polygon)
-        };
-        let polygon = &polygon[..corners];
-        let area = signed_area(polygon);
-        let hides_only = area <= 0.0 || elements.view_dependent[e];
-        let owner = u16::try_from(e).expect("at most 64 x 64 elements");
-        let (mut covered, mut visible) = (0, 0);
-        let n = self.n;
-        let set = |j: usize, bits: u64| {
-            if hides_only {
-                self.trail[j] |= bits;
-                return;
-            }
-            let open = bits & !(self.masks.fill[j] | self.masks.unknown[j]);
-            covered += bits.count_ones();
-            visible += open.count_ones();
-            // Where two elements of a layer meet on a texel, the first keeps it.
-            let mut fresh = open & !self.layer_fill[j];
-            self.layer_fill[j] |= open;
-            while fresh != 0 {
-                self.owner[j * n + fresh.trailing_zeros() as usize] = owner;
-                fresh &= fresh - 1;
-            }
-        };
-        match settings.coverage {
-            Coverage::Quad => polygon_rows(polygon, n, set),
-            Coverage::Rectangle => rectangle_rows(polygon, n, set),
-        }
-        if visible > 0 {
-            self.weight[e] = match settings.weights {
-                AreaWeights::Analytic => area * visible as f32 / covered as f32,
-                AreaWeights::Bits => visible as f32 / (n * n) as f32,
-            };
-        }
-    }
-
-    fn sum_elements(&mut self, elements: &Elements) {
-        let mut sum = [Vec3::ZERO; 2];
-        let mut total = 0.0;
-        for (e, &weight) in self.weight.iter().enumerate() {
-            sum[usize::from(elements.finite[e] == 0.0)] += weight * radiance(elements, e);
-            total += weight;
-        }
-        self.filled_sum = sum;
-        self.filled_weight = total;
-    }
 }
 
-/// Corners whose cosine is this little below the horizon are on it: rounding of a rotation moves those of the rim so far.
-const HORIZON: f32 = 1e-6;
-
-/// A quadrilateral that need not be convex, clipped by a plane, has at most 6 corners.
-const MAX_CLIPPED: usize = 6;
-
-/// Clips a quadrilateral in space at z = 0 and maps it to the square; gives the number of corners. Unclipped corners below the
-/// horizon would fold back into the disk.
-fn clip_at_horizon(space: &[Vec3A; 4], polygon: &mut [Vec2; MAX_CLIPPED]) -> usize {
-    let mut count = 0;
-    for k in 0..4 {
-        let (a, b) = (space[k], space[(k + 1) % 4]);
-        if a.z >= 0.0 {
-            polygon[count] = direction_to_square(a);
-            count += 1;
-        }
-        if (a.z >= 0.0) != (b.z >= 0.0) {
-            let mut at = a + (b - a) * (a.z / (a.z - b.z));
-            at.z = 0.0;
-            polygon[count] = direction_to_square(at);
-            count += 1;
-        }
-    }
-    count
-}
-
-/// Area of a polygon, positive if it runs counter-clockwise.
-fn signed_area(polygon: &[Vec2]) -> f32 {
-    let Some(&origin) = polygon.first() else {
-        return 0.0;
-    };
-    let twice: f32 = polygon.windows(2).map(|edge| (edge[0] - origin).perp_dot(edge[1] - origin)).sum();
-    0.5 * twice
-}
-
-fn radiance(elements: &Elements, e: usize) -> Vec3 {
+pub(crate) fn radiance(elements: &Elements, e: usize) -> Vec3 {
     Vec3::new(elements.radiance[0][e], elements.radiance[1][e], elements.radiance[2][e])
 }
