@@ -13,10 +13,9 @@
 //!
 //! # Source
 //! Cohen, Greenberg 1985 for the system; Binder, Fricke, Keller 2018, "Fast path space filtering by jittered spatial hashing", for
-//! the cells and the look-up.
+//! the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one may fall behind a wall.
 
 use glam::{IVec3, UVec2, Vec2, Vec3, Vec3A};
-use hemimap::Frame;
 use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
@@ -33,12 +32,15 @@ const PROBE_BOUNCES: u32 = 3;
 /// Width of a cell as a share of the median distance of what gather rays meet.
 const WIDTH_SHARE: f32 = 0.06;
 
-/// Points that stand for a cell.
+/// Points that stand for a cell, and those that must see each other for it to hold one light.
 const MAX_POINTS: usize = 4;
+const MAX_WITNESSES: usize = 12;
 
-/// Largest change of the iteration at its end, relative to the brightest cell.
-const PRECISION: f32 = 1e-4;
-const MAX_ITERATIONS: usize = 200;
+/// Estimated error of the iteration at its end, relative to the sum over the cells.
+const PRECISION: f64 = 1e-5;
+const MAX_ITERATIONS: usize = 500;
+/// After so many steps, when the changes have become geometric, the rest of their series is added at once.
+const EXTRAPOLATION: usize = 8;
 
 /// Longest walk through mirrors, gloss and surfaces without a cell.
 const MAX_WALK: u32 = 64;
@@ -54,6 +56,8 @@ pub(crate) struct Cells {
     /// Irradiance of each cell without caustics, W m^-2: straight from the sources, and by reflections.
     direct: Vec<Vec3>,
     indirect: Vec<Vec3>,
+    /// Whether something divides the cell, so that its mean light is that of neither side.
+    divided: Vec<bool>,
 }
 
 /// What cells are made from.
@@ -89,15 +93,16 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
         let mut cells = Cells { width, ..Cells::default() };
         let mut members: Vec<Vec<Shading>> = Vec::new();
         for (hit, _) in &hits {
-            let cell = cells.table.insert(key(&hit.surface, hit.surface.p, width));
+            let cell = cells.table.insert(key(&hit.surface, width));
             if cell == members.len() {
-                members.push(Vec::with_capacity(MAX_POINTS));
+                members.push(Vec::with_capacity(MAX_WITNESSES));
             }
-            if members[cell].len() < MAX_POINTS {
+            if members[cell].len() < MAX_WITNESSES {
                 members[cell].push(*hit);
             }
         }
         let ray_count = (self.ray_budget as usize / members.len()).clamp(8, 256);
+        cells.divided = members.par_iter().map(|points| self.is_divided(points, width)).collect();
         let rows: Vec<Row> = members
             .par_iter()
             .enumerate()
@@ -178,6 +183,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
     }
 
     fn row(&self, cells: &Cells, cell: u64, points: &[Shading], ray_count: usize) -> Row {
+        let points = &points[..points.len().min(MAX_POINTS)];
         let mut row = Row {
             direct: Vec3::ZERO,
             source: Vec3::ZERO,
@@ -204,6 +210,18 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
             row.source += (self.caustic)(&point.surface) / points.len() as f32;
         }
         row
+    }
+
+    /// Whether some neighbours among the points of a cell do not see each other just above the surface: a wall stands on it.
+    fn is_divided(&self, witnesses: &[Shading], width: f32) -> bool {
+        /// Height of the lines of sight as a share of the width of the cell.
+        const HEIGHT: f32 = 0.1;
+        witnesses.windows(2).any(|pair| {
+            let lifted = |point: &Shading| point.surface.p + HEIGHT * width * point.surface.ng;
+            let (from, to) = (lifted(&pair[0]), lifted(&pair[1]));
+            let ray = Ray { t_max: from.distance(to), ..Ray::new(from, (to - from).normalize_or(Vec3A::Z)) };
+            self.scene.occluded(&ray)
+        })
     }
 
     /// Follows one link: adds the light on its way to the sources, and the cell at its end to the links. `share` is that of the ray in
@@ -247,7 +265,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
                 row.source += beta * pi * specular;
             }
             if shading.bsdf.has_diffuse() {
-                if let Some(cell) = cells.table.find(key(&surface, surface.p, cells.width)) {
+                if let Some(cell) = cells.cell_of(&surface) {
                     row.links.push((cell, beta * shading.bsdf.diffuse));
                 } else {
                     let (diffuse, _) = direct_light(self.scene, &shading, sampler.next_4d(), None, &mut row.rays);
@@ -282,30 +300,38 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
 }
 
 impl Cells {
+    /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio r tells what is still to come.
     fn solve(&mut self, rows: &[Row]) {
         self.direct = rows.iter().map(|row| row.direct).collect();
         let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
-        for _ in 0..MAX_ITERATIONS {
-            let next: Vec<Vec3> = rows
+        let mut last_change = f64::INFINITY;
+        for step in 1..=MAX_ITERATIONS {
+            let mut next: Vec<Vec3> = rows
                 .par_iter()
                 .map(|row| {
                     let all = |cell: u32| self.direct[cell as usize] + indirect[cell as usize];
                     row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
                 })
                 .collect();
-            let change = next.iter().zip(&indirect).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max);
-            let brightest = next.iter().map(|e| e.max_element()).fold(0.0, f32::max);
+            let sum = |values: &mut dyn Iterator<Item = Vec3>| values.map(|v| f64::from(v.element_sum())).sum::<f64>();
+            let change = sum(&mut next.iter().zip(&indirect).map(|(a, b)| (*a - *b).abs()));
+            let ratio = (change / last_change).min(0.9999);
+            let rest = ratio / (1.0 - ratio);
+            last_change = change;
+            if step % EXTRAPOLATION == 0 {
+                #[expect(clippy::cast_possible_truncation, reason = "below 10^4")]
+                let rest = rest as f32;
+                for (new, old) in next.iter_mut().zip(&indirect) {
+                    *new = (*new + (*new - *old) * rest).max(Vec3::ZERO);
+                }
+                last_change = f64::INFINITY;
+            }
             indirect = next;
-            if change <= PRECISION * brightest {
+            if change * rest <= PRECISION * sum(&mut indirect.iter().copied()) && step % EXTRAPOLATION != 1 {
                 break;
             }
         }
         self.indirect = indirect;
-    }
-
-    /// Whether there are none.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.direct.is_empty()
     }
 
     /// Bytes that cells take.
@@ -313,18 +339,18 @@ impl Cells {
         self.direct.len() * 2 * size_of::<Vec3>() + self.table.slots.len() * size_of::<(u64, u32)>()
     }
 
-    /// The light of the cell of a surface. With `u` in [0, 1)^2 the place is moved at random by up to half a cell, which makes the mean of
-    /// many look-ups smooth.
-    pub(crate) fn look_up(&self, surface: &Surface, u: Vec2) -> Option<Known> {
-        let frame = Frame::from_normal(surface.ng);
-        let moved = surface.p + self.width * ((u.x - 0.5) * frame.s + (u.y - 0.5) * frame.t);
-        let at = |p: Vec3A| self.table.find(key(surface, p, self.width));
-        let cell = at(moved).or_else(|| at(surface.p))? as usize;
+    /// The light of the cell of a surface; `None` where there is no cell, or one that something divides.
+    pub(crate) fn look_up(&self, surface: &Surface) -> Option<Known> {
+        let cell = self.cell_of(surface)? as usize;
         Some(Known {
             direct: Some(self.direct[cell]),
             indirect: self.indirect[cell],
             resolution: RESOLUTION_FACTOR * self.width,
         })
+    }
+
+    fn cell_of(&self, surface: &Surface) -> Option<u32> {
+        self.table.find(key(surface, self.width)).filter(|&cell| !self.divided[cell as usize])
     }
 }
 
@@ -335,8 +361,8 @@ pub(crate) struct CellSource<'a, C> {
 }
 
 impl<C: Fn(&Surface) -> Vec3 + Sync> Secondary for CellSource<'_, C> {
-    fn irradiance(&self, surface: &Surface, u: Vec2) -> Option<Known> {
-        if self.cells.is_empty() { None } else { self.cells.look_up(surface, u) }
+    fn irradiance(&self, surface: &Surface) -> Option<Known> {
+        self.cells.look_up(surface)
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
@@ -356,8 +382,8 @@ fn cosine_ray(from: &Shading, u: Vec2) -> Option<Ray> {
 }
 
 /// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Never 0.
-fn key(surface: &Surface, p: Vec3A, width: f32) -> u64 {
-    let cube: IVec3 = (p / width).floor().as_ivec3();
+fn key(surface: &Surface, width: f32) -> u64 {
+    let cube: IVec3 = (surface.p / width).floor().as_ivec3();
     let n = surface.ng;
     let a = n.abs();
     let axis = if a.x >= a.y && a.x >= a.z {

@@ -8,14 +8,15 @@ use scene::{Bsdf, Specular};
 
 /// Radiance split by the way that the light came, W m^-2 sr^-1.
 ///
-/// With D for a diffuse or glossy vertex, S for a mirror or glass, x1 the first surface seen and its f = f_d + f_s:
+/// From the light L to the eye E, with D for a diffuse or glossy vertex, S for a mirror or glass, x1 the surface that is seen and its
+/// f = f_d + f_s:
 ///
 /// ```text
 /// emitted   L E               light seen straight
 /// direct    L x1 E            f   L_d    light that comes straight to x1, lamps seen in a mirror included
-/// specular  L x1 (S|D)+ E     f_s (L_c + L_i)
-/// caustic   L x1 S+ E         f_d L_c    light that came by mirrors and glass alone
-/// indirect  L x1 (S|D)+ E     f_d L_i    all that is neither straight nor L_c
+/// specular  L (S|D)+ x1 E     f_s (L_c + L_i)
+/// caustic   L S+ x1 E         f_d L_c    light that came by mirrors and glass alone
+/// indirect  L (S|D)+ x1 E     f_d L_i    all that is neither straight nor L_c
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Terms {

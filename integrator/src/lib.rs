@@ -24,7 +24,7 @@ mod terms;
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings};
-pub use render::{Rendering, render};
+pub use render::{Rendering, render, render_with};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};

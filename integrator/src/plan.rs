@@ -97,7 +97,7 @@ impl Plan {
 }
 
 /// Records reach at least so many pixels: nearer than that, corners would take one for every pixel.
-const MIN_PIXELS: f32 = 2.0;
+const MIN_PIXELS: f32 = 0.5;
 /// And at most this share of the scene.
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.

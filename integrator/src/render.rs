@@ -8,8 +8,8 @@ use scene::{Scene, Surface};
 use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::plan::Plan;
 use crate::{
-    Film, Method, PhotonMaps, PhotonSettings, Progress, SecondaryKind, Settings, SettingsError, SkySplit, Statistics,
-    four_terms, hash_pair, path,
+    Film, Method, PhotonMaps, PhotonSettings, Progress, Secondary, SecondaryKind, Settings, SettingsError, SkySplit,
+    Statistics, four_terms, hash_pair, path,
 };
 
 /// A finished picture and what it took.
@@ -56,6 +56,32 @@ pub fn render(
             }
         }
     };
+    statistics.render_seconds = start.elapsed().as_secs_f64();
+    Ok(Rendering { film, statistics })
+}
+
+/// As [`render`] by `reproject` or `gather`, with the caller's own solution for the light at the surfaces that gather rays meet, such as
+/// a radiosity solution; it must hold all light there but what it leaves to light sampling (see [`Secondary`]). [`Method::Path`] takes
+/// none and ignores it.
+///
+/// # Errors
+///
+/// As [`render`].
+pub fn render_with(
+    scene: &Scene,
+    settings: &Settings,
+    secondary: &impl Secondary,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Rendering, SettingsError> {
+    if settings.method == Method::Path {
+        return render(scene, settings, progress);
+    }
+    settings.validate()?;
+    let start = Instant::now();
+    let mut statistics = Statistics::default();
+    let plan = Plan::new(scene, settings);
+    let sky = SkySplit::new(scene);
+    let film = four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), &mut statistics, progress);
     statistics.render_seconds = start.elapsed().as_secs_f64();
     Ok(Rendering { film, statistics })
 }

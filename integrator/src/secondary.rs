@@ -22,9 +22,8 @@ pub struct Known {
 
 /// Light at surfaces that gather rays meet: a photon map, a radiosity solution, or whatever else the caller has.
 pub trait Secondary: Sync {
-    /// The light at a surface, `None` where this solution knows nothing and the path goes on instead. `u` is uniform in [0, 1)^2, for
-    /// look-ups that are smooth in the mean only.
-    fn irradiance(&self, surface: &Surface, u: Vec2) -> Option<Known>;
+    /// The light at a surface, `None` where this solution knows nothing and the path goes on instead.
+    fn irradiance(&self, surface: &Surface) -> Option<Known>;
 
     /// Irradiance that came by mirrors or glass alone: the caustics. Zero in a scene without them.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
@@ -35,7 +34,7 @@ pub trait Secondary: Sync {
 pub struct NoSecondary;
 
 impl Secondary for NoSecondary {
-    fn irradiance(&self, _: &Surface, _: Vec2) -> Option<Known> {
+    fn irradiance(&self, _: &Surface) -> Option<Known> {
         None
     }
 
@@ -77,6 +76,8 @@ impl Shading {
 pub(crate) struct Follower<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) secondary: &'a S,
+    /// Whether direct light is sampled even where the secondary solution knows it: what a narrow lobe shows must have sharp shadows.
+    pub(crate) samples_light: bool,
 }
 
 impl<S: Secondary> Follower<'_, S> {
@@ -105,7 +106,7 @@ impl<S: Secondary> Follower<'_, S> {
         for bounce in 1..MAX_BOUNCES {
             sampler.start_bounce(bounce);
             let Shading { bsdf, .. } = shading;
-            let known = self.known(&shading, path_length, may_refine, sampler);
+            let known = self.known(&shading, path_length, may_refine);
             let needs_light = bsdf.has_diffuse() && known.is_none_or(|known| known.direct.is_none());
             if needs_light || bsdf.has_glossy() {
                 let (diffuse, specular) = direct_light(self.scene, &shading, sampler.next_4d(), None, rays);
@@ -172,11 +173,14 @@ impl<S: Secondary> Follower<'_, S> {
     }
 
     /// What is known of the light on the diffuse part of a surface, if that is far enough to take it.
-    fn known(&self, shading: &Shading, distance: f32, may_refine: bool, sampler: &mut Sampler) -> Option<Known> {
+    fn known(&self, shading: &Shading, distance: f32, may_refine: bool) -> Option<Known> {
         if !shading.bsdf.has_diffuse() {
             return None;
         }
-        let known = self.secondary.irradiance(&shading.surface, sampler.next_2d())?;
+        let mut known = self.secondary.irradiance(&shading.surface)?;
+        if self.samples_light {
+            known.direct = None;
+        }
         (!may_refine || distance >= known.resolution).then_some(known)
     }
 

@@ -204,7 +204,7 @@ impl<S: Secondary> Primary<'_, S> {
             stack.push(Branch {
                 ray: shading.surface.spawn(wi),
                 beta,
-                chain: from.chain * 2 + 1 + way as u64,
+                chain: hash_pair(from.chain, 1 + way as u64),
                 bounces: from.bounces + 1,
                 length: from.length,
             });

@@ -12,7 +12,7 @@ mod shoot;
 
 use std::time::Instant;
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use scene::{Scene, Surface};
 use serde::{Deserialize, Serialize};
@@ -193,7 +193,7 @@ impl PhotonMaps {
 }
 
 impl Secondary for PhotonMaps {
-    fn irradiance(&self, surface: &Surface, _: Vec2) -> Option<Known> {
+    fn irradiance(&self, surface: &Surface) -> Option<Known> {
         let found = self.global_irradiance(surface.p, surface.ng)?;
         Some(Known { direct: None, indirect: found.irradiance, resolution: found.radius })
     }

@@ -74,7 +74,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
             light.specular += sample.weight * self.caustic_along(ray, surface, sampler, rays);
         }
         if is_traced(shading, self.plan) {
-            let follower = Follower { scene: self.scene, secondary: self.secondary };
+            let follower = Follower { scene: self.scene, secondary: self.secondary, samples_light: true };
             light.specular += sample.weight * follower.reflected(&ray, surface, sampler, rays);
         }
     }
