@@ -45,6 +45,12 @@ impl Solid {
         }
     }
 
+    /// Says whether the ray meets the box of the solid.
+    fn is_near(&self, ray: &Ray) -> bool {
+        let extent = self.extent();
+        ray.is_sound() && !extent.is_empty() && extent.clip(ray.origin, ray.direction, ray.t_min, ray.t_max).is_some()
+    }
+
     /// Returns the side on which the ray starts and its first crossing.
     fn beginning(&self, ray: &Ray) -> Beginning {
         match self {
@@ -82,7 +88,7 @@ impl Solid {
                 }
             }
             Self::Union(union) => {
-                if union.is_near(ray) {
+                if self.is_near(ray) {
                     union.parts().iter().for_each(|part| part.each_interval(ray, visit));
                 }
             }
@@ -91,25 +97,19 @@ impl Solid {
 }
 
 impl Union {
-    /// Says whether the ray meets the box of the union.
-    fn is_near(&self, ray: &Ray) -> bool {
-        let extent = self.extent();
-        ray.is_sound() && !extent.is_empty() && extent.clip(ray.origin, ray.direction, ray.t_min, ray.t_max).is_some()
-    }
-
     fn beginning(&self, ray: &Ray) -> Beginning {
         let mut nearest = Beginning { starts_inside: false, crossing: None };
-        if !self.is_near(ray) {
-            return nearest;
-        }
-        // Outside of all parts the first entry counts. Parts beyond it are cut off.
+        // Outside of all parts the first entry counts. Parts beyond it are left out; the ray itself is not cut, so that each part gives the same bits as alone.
         let mut ahead = *ray;
         for part in self.parts() {
-            let begin = part.beginning(&ahead);
+            if !part.is_near(&ahead) {
+                continue;
+            }
+            let begin = part.beginning(ray);
             if begin.starts_inside {
                 return Beginning { starts_inside: true, crossing: self.exit(ray) };
             }
-            if let Some(crossing) = begin.crossing {
+            if let Some(crossing) = begin.crossing.filter(|crossing| crossing.t < ahead.t_max) {
                 ahead.t_max = crossing.t;
                 nearest.crossing = Some(crossing);
             }
@@ -118,11 +118,8 @@ impl Union {
     }
 
     fn any_hit(&self, ray: &Ray) -> bool {
-        if !self.is_near(ray) {
-            return false;
-        }
         let mut hit = false;
-        for part in self.parts() {
+        for part in self.parts().iter().filter(|part| part.is_near(ray)) {
             let begin = part.beginning(ray);
             if begin.starts_inside {
                 return self.exit(ray).is_some();

@@ -11,6 +11,9 @@ use crate::{
 
 /// Cuts in half before a span counts as a point: more than the 53 bits of a finite one, and 1e72 units for an infinite one.
 const DEPTH_MAX: u32 = 60;
+/// Spans that one piece may be cut into. Six roots a rounding apart take about 400; more are only asked for where rounding hides the sign over long stretches, or by numbers
+/// that overflow: there the signs that are known must do.
+const SPANS_MAX: u32 = 1000;
 /// Steps of the polish. Newton's needs about five; a triple root needs about 40 with bisection between.
 const STEPS_MAX: u32 = 100;
 
@@ -35,7 +38,7 @@ impl Sextic<'_> {
     ) -> ControlFlow<()> {
         let finite = if lo.is_finite() { lo } else { hi };
         let step = self.local.unit() + finite.abs();
-        self.isolate(Span { lo, hi, step }, 0, walker)
+        self.isolate(Span { lo, hi, step }, 0, &mut 0, walker)
     }
 
     /// Cuts the span until each part has a known number of roots: none or one.
@@ -43,8 +46,11 @@ impl Sextic<'_> {
         &self,
         span: Span,
         depth: u32,
+        spans: &mut u32,
         walker: &mut Walker<V>,
     ) -> ControlFlow<()> {
+        *spans += 1;
+        let is_last = depth == DEPTH_MAX || *spans > SPANS_MAX;
         let (mut coefficients, weights) = sextic_on(self.base, self.base_weight, self.cubes, span);
         let starts_on_surface =
             self.start.is_some_and(|(start, noise)| span.lo == start && coefficients[0].abs() <= noise);
@@ -58,7 +64,7 @@ impl Sextic<'_> {
             return if coefficients == [0.0; COUNT] { walker.stretch(lo, hi, true) } else { ControlFlow::Continue(()) };
         }
         let inside = signs.first > 0.0;
-        let settled = !signs.doubtful || depth == DEPTH_MAX;
+        let settled = !signs.doubtful || is_last;
         if signs.variations == 0 && settled {
             return walker.stretch(lo, hi, inside);
         }
@@ -67,13 +73,13 @@ impl Sextic<'_> {
             let root = self.polish(lo, hi, &coefficients, inside);
             return walker.root((lo, root, hi), inside);
         }
-        if depth == DEPTH_MAX {
+        if is_last {
             walker.stretch(lo, lo, inside)?;
             return walker.stretch(hi, hi, signs.last > 0.0);
         }
         let (lower, upper) = span.halves();
-        self.isolate(lower, depth + 1, walker)?;
-        self.isolate(upper, depth + 1, walker)
+        self.isolate(lower, depth + 1, spans, walker)?;
+        self.isolate(upper, depth + 1, spans, walker)
     }
 
     /// Returns value and slope at `s`, from the quadratics themselves.

@@ -104,10 +104,6 @@ impl Union {
     pub fn parts(&self) -> &[Solid] {
         &self.parts
     }
-
-    pub(crate) fn extent(&self) -> &Extent {
-        &self.extent
-    }
 }
 
 impl Solid {

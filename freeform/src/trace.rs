@@ -153,10 +153,11 @@ pub(crate) fn walk(form: &FreeForm, ray: &Ray, visit: impl FnMut(Crossing) -> Co
     let Some(local) = Local::new(form, ray) else {
         return Walked { starts_inside: false, ends_inside: false };
     };
+    const AFTER_SMALL: usize = SMALL + 1;
     match form.perturbations().len() {
         0 => walk_with::<0, 3>(form, &local, visit),
         1..=SMALL => walk_with::<SMALL, { 2 * SMALL + 3 }>(form, &local, visit),
-        ..=LARGE => walk_with::<LARGE, { 2 * LARGE + 3 }>(form, &local, visit),
+        AFTER_SMALL..=LARGE => walk_with::<LARGE, { 2 * LARGE + 3 }>(form, &local, visit),
         n => {
             let (mut bumps, mut acting, mut breaks) = (vec![Bump::NONE; n], vec![Cube::ZERO; n], vec![0.0; 2 * n + 3]);
             let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, breaks: &mut breaks };
@@ -214,7 +215,7 @@ fn walk_pieces(
             active += 1;
         }
         let flow = if active == 0 {
-            walker.conic(local, base, base_weight, (lo, hi), start_noise)
+            walker.conic(base, base_weight, (lo, hi), start_noise)
         } else {
             let sextic = Sextic {
                 local,
@@ -351,7 +352,6 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
     #[inline]
     fn conic(
         &mut self,
-        local: &Local,
         q: Quadratic,
         weight: Quadratic,
         (lo, hi): (f64, f64),

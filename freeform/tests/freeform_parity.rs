@@ -155,15 +155,30 @@ fn truth(random: &mut Random, form: &RawForm, ray: &RawRay) -> (Option<Counted>,
     (Some(counted), true)
 }
 
-#[test]
-fn parity_matches_exact_arithmetic() {
-    let rays: u64 = std::env::var("FREEFORM_PARITY_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000);
-    let mut tally: BTreeMap<&str, u64> = BTreeMap::new();
-    let mut count = |what| *tally.entry(what).or_default() += 1;
-    let mut failures = Vec::new();
-    let (mut most, mut total) = (0, 0_u64);
-    const RAYS_A_FORM: u64 = 20;
-    for index in 0..rays.div_ceil(RAYS_A_FORM) {
+const RAYS_A_FORM: u64 = 20;
+
+/// What came of many rays.
+#[derive(Default)]
+struct Tally {
+    kinds: BTreeMap<&'static str, u64>,
+    crossings: i64,
+    most: i32,
+    failures: Vec<(u64, RawRay, Counted, Counted)>,
+}
+
+impl Tally {
+    fn join(mut self, other: Self) -> Self {
+        for (kind, count) in other.kinds {
+            *self.kinds.entry(kind).or_default() += count;
+        }
+        self.crossings += other.crossings;
+        self.most = self.most.max(other.most);
+        self.failures.extend(other.failures);
+        self
+    }
+
+    /// Counts the rays of one form.
+    fn form(&mut self, index: u64) {
         let mut random = Random(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let raw = random_form(&mut random);
         let form = build(&raw);
@@ -171,51 +186,79 @@ fn parity_matches_exact_arithmetic() {
         for _ in 0..RAYS_A_FORM {
             let ray = random_ray(&mut random, &form, &solid);
             let found = found(&solid, &ray);
-            most = most.max(found.crossings);
-            total += u64::try_from(found.crossings).expect("not negative");
-            if let Some(counted) = interval::count(&raw, &ray, 1e-14) {
-                count("settled by intervals");
-                if found != counted {
-                    failures.push((index, ray, found, counted));
-                }
-                continue;
-            }
-            let (exact, decidable) = truth(&mut random, &raw, &ray);
-            match exact {
-                Some(counted) if decidable => {
-                    count("settled by exact arithmetic");
-                    if found != counted {
-                        failures.push((index, ray, found, counted));
-                    }
-                }
-                Some(counted) => {
-                    count("undecidable");
-                    let same_ends =
-                        (found.starts_inside, found.ends_inside) == (counted.starts_inside, counted.ends_inside);
-                    assert!(
-                        !same_ends || (found.crossings - counted.crossings) % 2 == 0,
-                        "form {index}: {ray:?}: {found:?} but {counted:?}"
-                    );
-                    if found != counted {
-                        count("undecidable and different");
-                    }
-                }
-                None => count("undecidable at a break"),
-            }
+            self.most = self.most.max(found.crossings);
+            self.crossings += i64::from(found.crossings);
             // One end inside and the other not is an odd number of crossings, whatever rounding does.
-            assert_eq!(
-                found.crossings % 2 == 1,
-                found.starts_inside != found.ends_inside,
-                "form {index}: {ray:?}: {found:?}"
-            );
+            let sides_differ = found.starts_inside != found.ends_inside;
+            assert_eq!(found.crossings % 2 == 1, sides_differ, "form {index}: {ray:?}: {found:?}");
+            let kind = match interval::count(&raw, &ray, 1e-14) {
+                Some(counted) => self.decided(index, ray, found, counted, "settled by intervals"),
+                None => match truth(&mut random, &raw, &ray) {
+                    (None, _) => "undecidable at a break",
+                    (Some(counted), true) => self.decided(index, ray, found, counted, "settled by exact arithmetic"),
+                    (Some(counted), false) if found == counted => "undecidable",
+                    (Some(counted), false) => {
+                        let sides = |c: Counted| (c.starts_inside, c.ends_inside);
+                        let even = (found.crossings - counted.crossings) % 2 == 0;
+                        assert!(
+                            sides(found) != sides(counted) || even,
+                            "form {index}: {ray:?}: {found:?}, not {counted:?}"
+                        );
+                        "undecidable and different"
+                    }
+                },
+            };
+            *self.kinds.entry(kind).or_default() += 1;
         }
     }
-    eprintln!("{rays} rays, {total} crossings, at most {most} on one: {tally:?}");
-    for (index, ray, found, counted) in failures.iter().take(10) {
+
+    fn decided(
+        &mut self,
+        index: u64,
+        ray: RawRay,
+        found: Counted,
+        counted: Counted,
+        kind: &'static str,
+    ) -> &'static str {
+        if found != counted {
+            self.failures.push((index, ray, found, counted));
+        }
+        kind
+    }
+}
+
+#[test]
+#[expect(clippy::print_stderr, reason = "the counts are the result; the test harness shows them on request")]
+fn parity_matches_exact_arithmetic() {
+    let rays: u64 = std::env::var("FREEFORM_PARITY_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000);
+    let forms = rays.div_ceil(RAYS_A_FORM);
+    let threads = std::thread::available_parallelism().map_or(1, |n| u64::try_from(n.get()).expect("few"));
+    let tally = std::thread::scope(|scope| {
+        let run = |first: u64| {
+            move || {
+                let mut tally = Tally::default();
+                (first..forms).step_by(usize::try_from(threads).expect("few")).for_each(|index| tally.form(index));
+                tally
+            }
+        };
+        let workers: Vec<_> = (0..threads).map(|first| scope.spawn(run(first))).collect();
+        workers.into_iter().map(|worker| worker.join().expect("no panic")).fold(Tally::default(), Tally::join)
+    });
+    eprintln!("{rays} rays, {} crossings, at most {} on one: {:?}", tally.crossings, tally.most, tally.kinds);
+    for (index, ray, found, counted) in tally.failures.iter().take(10) {
         eprintln!("form {index}: {ray:?}: found {found:?}, exact {counted:?}");
     }
-    let missed: i32 = failures.iter().map(|(_, _, found, counted)| (counted.crossings - found.crossings).max(0)).sum();
-    let invented: i32 =
-        failures.iter().map(|(_, _, found, counted)| (found.crossings - counted.crossings).max(0)).sum();
-    assert!(failures.is_empty(), "{} rays differ: {missed} crossings missed, {invented} invented", failures.len());
+    let sum = |side: fn(i32) -> i32| {
+        tally
+            .failures
+            .iter()
+            .map(|(_, _, found, counted)| side(counted.crossings - found.crossings).max(0))
+            .sum::<i32>()
+    };
+    let (missed, invented) = (sum(|d| d), sum(|d| -d));
+    assert!(
+        tally.failures.is_empty(),
+        "{} rays differ: {missed} crossings missed, {invented} invented",
+        tally.failures.len()
+    );
 }

@@ -151,18 +151,10 @@ impl Sturm {
     }
 }
 
-/// Divides by the greatest common divisor of the coefficients.
+/// Divides by the largest common power of two.
 fn primitive(p: Vec<BigInt>) -> Vec<BigInt> {
-    let divisor = p.iter().fold(BigInt::zero(), |a, b| gcd(a, b.clone()));
-    if divisor.is_zero() { p } else { p.into_iter().map(|c| c / &divisor).collect() }
-}
-
-fn gcd(a: BigInt, b: BigInt) -> BigInt {
-    let (mut a, mut b) = (a.abs(), b.abs());
-    while !b.is_zero() {
-        (a, b) = (b.clone(), a % b);
-    }
-    a
+    let twos = p.iter().filter_map(BigInt::trailing_zeros).min().unwrap_or(0);
+    p.into_iter().map(|c| c >> twos).collect()
 }
 
 /// Returns minus the remainder of a / b, times a positive number.

@@ -54,23 +54,31 @@ pub(crate) fn count(form: &RawForm, ray: &RawRay) -> Option<Counted> {
         if index + 2 == breaks.len() {
             counted.ends_inside = side(&p, b1)?;
         }
-        counted.crossings += match variations_on(&p, a0, b1) {
-            0 => 0,
-            // A single root lies between the enclosures if the signs at their inner ends differ.
-            1 if value(&p, a1).sign() == -value(&p, b0).sign() => 1,
-            1 => return None,
-            _ => {
-                let sturm = Sturm::new(&p);
-                let (outer, inner) =
-                    (sturm.variations(a0) - sturm.variations(b1), sturm.variations(a1) - sturm.variations(b0));
-                if outer != inner {
-                    return None;
-                }
-                outer
-            }
-        };
+        let (outer, inner) = (roots_between(&p, a0, b1, 0)?, value(&p, a1).sign() * value(&p, b0).sign());
+        // No root may hide in the enclosures: one more or less would show in the signs, two in Sturm's count.
+        if (outer % 2 == 1) != (inner < 0) {
+            return None;
+        }
+        counted.crossings += outer;
     }
     Some(counted)
+}
+
+/// Returns the number of roots in (a, b): by exact Bernstein signs where they settle it after some halvings, else by Sturm's chain. `None` where a cut is a root.
+fn roots_between(p: &[Dyadic], a: &Dyadic, b: &Dyadic, depth: u32) -> Option<i32> {
+    const HALVINGS: u32 = 12;
+    match variations_on(p, a, b) {
+        few @ (0 | 1) => Some(few),
+        _ if depth == HALVINGS => {
+            let sturm = Sturm::new(p);
+            Some(sturm.variations(a) - sturm.variations(b))
+        }
+        _ => {
+            let middle = (a + b).half();
+            side(p, &middle)?;
+            Some(roots_between(p, a, &middle, depth + 1)? + roots_between(p, &middle, b, depth + 1)?)
+        }
+    }
 }
 
 fn compare(a: &Dyadic, b: &Dyadic) -> Ordering {

@@ -1,0 +1,191 @@
+//! What holds for any form: normals, boxes, restarts and files.
+
+use freeform::{Bounds, DEPTH_LIMIT, FormError, FreeForm, Perturbation, Psi, Quadric, Ray, Solid};
+use glam::DVec3;
+use proptest::prelude::*;
+
+fn vector(size: f64) -> impl Strategy<Value = DVec3> {
+    [-size..size, -size..size, -size..size].prop_map(DVec3::from_array)
+}
+
+fn any_quadric() -> impl Strategy<Value = Quadric> {
+    prop::array::uniform10(-1.0..1.0).prop_map(|c| Quadric::new(c).expect("finite, not zero"))
+}
+
+fn any_form() -> impl Strategy<Value = FreeForm> {
+    let perturbation = (any_quadric(), -1.0..1.0).prop_map(|(quadric, factor)| Perturbation { quadric, factor });
+    (any_quadric(), prop::collection::vec(perturbation, 0..5))
+        .prop_map(|(base, p)| FreeForm::new(base, p).expect("sound"))
+}
+
+/// A bounded body: an ellipsoid with ellipsoids in and out of it.
+fn body() -> impl Strategy<Value = FreeForm> {
+    let ellipsoid = |at: f64| {
+        (vector(at), vector(0.4))
+            .prop_map(|(c, r)| Quadric::ellipsoid(c, r + DVec3::splat(0.6)).expect("positive radii"))
+    };
+    let perturbation = (ellipsoid(1.0), -1.0..1.0).prop_map(|(quadric, factor)| Perturbation { quadric, factor });
+    (ellipsoid(0.2), prop::collection::vec(perturbation, 0..6))
+        .prop_map(|(base, p)| FreeForm::new(base, p).expect("sound"))
+}
+
+proptest! {
+    #[test]
+    fn gradient_is_the_slope_of_the_value(form in any_form(), p in vector(2.0)) {
+        let h = 1e-5;
+        let solid = Solid::from(form.clone());
+        let g = solid.gradient(p);
+        for axis in DVec3::AXES {
+            let slope = (solid.value(p + h * axis) - solid.value(p - h * axis)) / (2.0 * h);
+            prop_assert!((slope - g.dot(axis)).abs() < 1e-6 * (1.0 + g.length()), "{} against {}", slope, g);
+            let turn = (solid.gradient(p + h * axis) - solid.gradient(p - h * axis)) / (2.0 * h);
+            let expected = form.hessian(p) * axis;
+            prop_assert!((turn - expected).length() < 1e-3 * (1.0 + expected.length()), "{} against {}", turn, expected);
+        }
+    }
+
+    #[test]
+    fn bounds_hold(form in body(), points in prop::collection::vec(vector(2.5), 200)) {
+        let solid = Solid::from(form);
+        let Bounds::Finite { min, max } = solid.bounds() else { return Err(TestCaseError::fail("ellipsoids are bounded")) };
+        for p in points.into_iter().filter(|p| solid.value(*p) >= 0.0) {
+            prop_assert!(p.cmpge(min).all() && p.cmple(max).all(), "{} is outside {} {}", p, min, max);
+        }
+    }
+
+    #[test]
+    fn rays_restart_from_hits(form in body(), origin in vector(4.0), aim in vector(0.8)) {
+        let solid = Solid::from(form);
+        let d = aim - origin;
+        let ray = Ray::new(origin, d);
+        if let Some(hit) = solid.first_hit(&ray) {
+            let p = ray.at(hit.t);
+            let slope = solid.gradient(p).length();
+            prop_assert!(solid.value(p).abs() < 1e-12 * (1.0 + slope), "value {:e}", solid.value(p));
+            // Where curvature is mild, the ray along the normal leaves and the one against it stays in for a while.
+            if slope > 0.1 {
+                let n = solid.normal(p, d);
+                prop_assert!((n.length() - 1.0).abs() < 1e-12, "unit");
+                let out = solid.first_hit(&Ray::new(p, n));
+                prop_assert!(out.is_none_or(|c| c.entering && c.t > 1e-9), "outwards {:?}", out);
+                let back = solid.first_hit(&Ray::new(p, -n));
+                prop_assert!(back.is_some_and(|c| !c.entering && c.t > 1e-9), "inwards {:?}", back);
+            }
+        }
+    }
+
+    #[test]
+    fn union_is_or(forms in prop::collection::vec(body(), 1..4), p in vector(2.0)) {
+        let parts: Vec<Solid> = forms.into_iter().map(Solid::from).collect();
+        let any = parts.iter().any(|part| part.value(p) >= 0.0);
+        for psi in [Psi::Maximum, Psi::RFunction] {
+            let union = Solid::union(psi, parts.clone()).expect("parts");
+            prop_assert_eq!(union.value(p) >= 0.0, any, "{:?} at {}", psi, p);
+            let h = 1e-6;
+            let g = union.gradient(p);
+            if psi == Psi::RFunction && union.value(p).abs() > 1e-3 {
+                for axis in DVec3::AXES {
+                    let slope = (union.value(p + h * axis) - union.value(p - h * axis)) / (2.0 * h);
+                    prop_assert!((slope - g.dot(axis)).abs() < 1e-5 * (1.0 + g.length()), "{} against {}", slope, g);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn union_walks_as_its_parts_do(forms in prop::collection::vec(body(), 1..5), origin in vector(3.0), aim in vector(1.0)) {
+        let parts: Vec<Solid> = forms.into_iter().map(Solid::from).collect();
+        let union = Solid::union(Psi::Maximum, parts).expect("parts");
+        let ray = Ray::new(origin, aim - origin);
+        let mut inside = Vec::new();
+        union.intervals(&ray, &mut inside);
+        let first = inside.iter().flat_map(|i| [i.t_in, i.t_out]).find(|t| *t > 0.0 && t.is_finite());
+        prop_assert_eq!(union.first_hit(&ray).map(|c| c.t), first, "the first end of {:?}", inside);
+        prop_assert_eq!(union.any_hit(&ray), first.is_some(), "any hit");
+        for i in &inside {
+            let middle = ray.at(0.5 * (i.t_in + i.t_out));
+            prop_assert!(union.value(middle) >= 0.0 || i.t_out - i.t_in < 1e-6 || inside.len() > 1 || union.form_count() > 1, "{:?}", i);
+        }
+    }
+
+    #[test]
+    fn texture_coordinates_are_in_the_picture(form in body(), p in vector(3.0)) {
+        let uv = Solid::from(form).texture_coordinates(p);
+        prop_assert!((0.0..1.0).contains(&uv.x) && (0.0..=1.0).contains(&uv.y), "{}", uv);
+    }
+
+    #[test]
+    fn nothing_is_nan_whatever_comes(form in any_form(), o in prop::array::uniform3(any::<f64>()), d in prop::array::uniform3(any::<f64>())) {
+        let solid = Solid::from(form);
+        let (o, d) = (DVec3::from_array(o), DVec3::from_array(d));
+        prop_assert!(!solid.normal(o, d).is_nan(), "a normal");
+        if let Some(hit) = solid.first_hit(&Ray::line(o, d)) {
+            prop_assert!(!hit.t.is_nan(), "a hit");
+        }
+    }
+}
+
+#[test]
+fn limits_are_refused() {
+    assert_eq!(Solid::union(Psi::Maximum, vec![]), Err(FormError::EmptyUnion), "a union of nothing");
+    let mut nested = Solid::from(FreeForm::new(Quadric::sphere(DVec3::ZERO, 1.0).unwrap(), vec![]).unwrap());
+    for _ in 0..DEPTH_LIMIT {
+        nested = Solid::union(Psi::RFunction, vec![nested]).unwrap();
+    }
+    assert_eq!(
+        nested.first_hit(&Ray::new(DVec3::X * -3.0, DVec3::X)).map(|c| c.t),
+        Some(2.0),
+        "the limit itself works"
+    );
+    assert_eq!(Solid::union(Psi::Maximum, vec![nested]), Err(FormError::TooDeep), "one more is refused");
+    let ball = Quadric::sphere(DVec3::ZERO, 1.0).unwrap();
+    let bad = Perturbation { quadric: ball, factor: f64::NAN };
+    assert_eq!(FreeForm::new(ball, vec![bad]), Err(FormError::FactorNotFinite { index: 0 }), "NaN as a factor");
+    let mut numbers = ball.coefficients;
+    numbers[3] = f64::INFINITY;
+    assert_eq!(Quadric::new(numbers), Err(FormError::CoefficientNotFinite { index: 3 }), "an infinite coefficient");
+}
+
+#[test]
+fn many_perturbations_use_the_heap_and_agree() {
+    let ball = Quadric::sphere(DVec3::ZERO, 1.0).unwrap();
+    let bump = |k: u32| {
+        let angle = f64::from(k) * 0.7;
+        let quadric = Quadric::sphere(DVec3::new(angle.cos(), angle.sin(), 0.0), 0.4).unwrap();
+        Perturbation { quadric, factor: if k.is_multiple_of(2) { 0.5 } else { -0.4 } }
+    };
+    let few = Solid::from(FreeForm::new(ball, (0..20).map(bump).collect()).unwrap());
+    // The same form: what is far away does nothing.
+    let far = Perturbation { quadric: Quadric::sphere(DVec3::splat(100.0), 1.0).unwrap(), factor: -1.0 };
+    let many =
+        Solid::from(FreeForm::new(ball, (0..20).map(bump).chain(std::iter::repeat_n(far, 40)).collect()).unwrap());
+    for k in 0..500 {
+        let angle = f64::from(k) * 0.1;
+        let origin = DVec3::new(3.0 * angle.sin(), 3.0 * angle.cos(), 0.3);
+        let ray = Ray::new(origin, DVec3::new(0.2, 0.1, 0.0) - origin);
+        assert_eq!(few.first_hit(&ray), many.first_hit(&ray), "ray {k}");
+    }
+}
+
+#[test]
+fn files_are_read_back_and_checked() {
+    let form =
+        r#"{"base":[-1,-1,-1,0,0,0,0,0,0,1],"perturbations":[{"quadric":[-1,-1,-1,0,0,0,0,2,0,-0.64],"factor":0.8}]}"#;
+    let union = format!(r#"{{"union":{{"psi":"r_function","parts":[{{"form":{form}}},{{"form":{form}}}]}}}}"#);
+    let read: Solid = serde_json::from_str(&union).unwrap();
+    assert_eq!(read.form_count(), 2, "two parts");
+    let again: Solid = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
+    assert_eq!(read, again, "written and read");
+    let from_toml: Solid = toml::from_str(&toml::to_string(&read).unwrap()).unwrap();
+    assert_eq!(read, from_toml, "through TOML too");
+    let refused = |text: &str, why: &str| {
+        let error = serde_json::from_str::<Solid>(text).unwrap_err().to_string();
+        assert!(error.contains(why), "{error}");
+    };
+    refused(r#"{"form":{"base":[0,0,0,0,0,0,0,0,0,0]}}"#, "all ten");
+    refused(r#"{"form":{"base":[1,0,0,0,0,0,0,0,0]}}"#, "length 9");
+    refused(r#"{"union":{"parts":[]}}"#, "at least one part");
+    refused(r#"{"form":{"base":[1,0,0,0,0,0,0,0,0,0],"size":1}}"#, "size");
+    let deep = format!(r#"{}{{"form":{form}}}{}"#, r#"{"union":{"parts":["#.repeat(40), "]}}".repeat(40));
+    refused(&deep, "deeper");
+}
