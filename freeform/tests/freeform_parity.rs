@@ -57,26 +57,26 @@ fn trouble_point(random: &mut Random, form: &FreeForm, solid: &Solid) -> Option<
         let ray = Ray::line(2.0 * random.vector(), random.vector());
         solid.first_hit(&ray).map(|crossing| ray.at(crossing.t)).filter(|p| p.length() < 10.0)
     };
-    match random.below(5) {
-        // Tangent to the surface.
+    match random.below(16) {
+        // Tangent to the surface: mostly undecidable, so that a few must do.
         0 => {
             let p = hit(random)?;
             Some((p, solid.gradient(p).cross(random.vector())))
         }
         // Nearly tangent to it, by 1e-16 to 1e-4.
-        1 => {
+        1..=4 => {
             let p = hit(random)?;
             let g = solid.gradient(p);
             let tilt = 10_f64.powf(-10.0 + 6.0 * random.signed());
             Some((p, g.cross(random.vector()).try_normalize()? + tilt * g.try_normalize()?))
         }
         // Through the centre or apex of a quadric.
-        2 => {
+        5..=8 => {
             let p = -(quadric.hessian().inverse() * quadric.gradient(DVec3::ZERO));
             (p.is_finite() && p.length() < 10.0).then(|| (p, random.vector()))
         }
         // Where a piece ends on the surface: Newton's method towards F' = 0 and Q = 0.
-        3 => {
+        9..=12 => {
             let mut p = hit(random)?;
             for _ in 0..50 {
                 let (f, q) = (solid.value(p), quadric.value(p));
