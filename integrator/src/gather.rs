@@ -1,12 +1,12 @@
 //! Rays from one point into its hemisphere: n x n for a record, and single ones for holes and verification.
 
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use radcache::Samples;
 use reproject::{Traced, Tracer};
 use scene::{Bsdf, Scene, Specular, Surface};
 
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Follower, Secondary};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
@@ -35,7 +35,44 @@ impl<S: Secondary> Gatherer<'_, S> {
         }
         settle_highlights(&mut samples);
         rays.gather += (n * n) as u64;
+        if self.sky.is_some() {
+            self.refine_rims(surface, frame, &mut samples, key, rays);
+        }
         samples
+    }
+
+    /// Looks again, with several rays, through the texels where the sky ends: a window is so bright beside its frame that one ray a texel
+    /// would measure its area too roughly.
+    fn refine_rims(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
+        let n = samples.resolution();
+        let is_sky: Vec<bool> = samples.distance.iter().map(|d| d.is_infinite()).collect();
+        let is_rim = |texel: usize| {
+            let (i, j) = (texel % n, texel / n);
+            let differs = |other: usize| is_sky[other] != is_sky[texel];
+            (i > 0 && differs(texel - 1))
+                || (i + 1 < n && differs(texel + 1))
+                || (j > 0 && differs(texel - n))
+                || (j + 1 < n && differs(texel + n))
+        };
+        for texel in (0..n * n).filter(|&texel| is_rim(texel)) {
+            let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
+            let mut parts = [Vec3::ZERO; 2];
+            let first = samples.radiance[texel];
+            parts[usize::from(is_sky[texel])] += first;
+            for number in 0..RIM_RAYS {
+                let stream = hash_pair(key, texel as u64);
+                let mut sampler = Sampler::new(self.seed ^ RIM_STREAM, stream, number);
+                let u = (place + sampler.next_2d()) / n as f32;
+                let wi = frame.to_world(hemimap::square_to_cosine_hemisphere(u));
+                let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
+                parts[usize::from(traced.distance.is_infinite())] += traced.radiance;
+            }
+            rays.gather += u64::from(RIM_RAYS);
+            let sum = parts[0] + parts[1];
+            samples.radiance[texel] = sum / (RIM_RAYS + 1) as f32;
+            let total = sum.element_sum();
+            samples.background_share[texel] = if total > 0.0 { parts[1].element_sum() / total } else { 0.0 };
+        }
     }
 
     /// What arrives at a surface along `wi`, and the surface that is there. Directions below the geometric surface, which a
@@ -112,5 +149,9 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
     }
 }
 
+/// Rays through a texel at the rim of the sky, beside the first.
+const RIM_RAYS: u32 = 8;
+/// Keeps the random numbers of rims apart from those of records.
+const RIM_STREAM: u64 = 0x7269_6d;
 /// Keeps the random numbers of hole rays apart from those of records.
 const HOLE_STREAM: u64 = 0x686f_6c65;

@@ -44,7 +44,13 @@ impl Plan {
         let quality = settings.quality;
         let cache = settings.method == Method::Reproject;
         // Error falls as n^-2 in relMSE and the rays of a record grow as n^2, so n goes with the square root of the time.
-        let base_n = if cache { 32.0 } else { 16.0 };
+        // The rim of a window in the sky and a lobe need more texels than irradiance does.
+        let base_n = match (cache, features.environment, features.glossy) {
+            (false, _, _) => 16.0,
+            (true, true, _) => 48.0,
+            (true, false, true) => 40.0,
+            (true, false, false) => 32.0,
+        };
         let study = &settings.study;
         let secondary = study.secondary.unwrap_or_default();
         let n = study.resolution.unwrap_or_else(|| round(base_n * quality.sqrt(), 4.0, 64.0)) as usize;
@@ -57,7 +63,7 @@ impl Plan {
         Self {
             secondary,
             spp,
-            light_samples: study.light_samples.unwrap_or(1),
+            light_samples: study.light_samples.unwrap_or(if features.environment { 2 } else { 1 }),
             n,
             record: RecordSettings {
                 layers: study.layers.unwrap_or(16) as usize,

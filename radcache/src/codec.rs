@@ -97,12 +97,16 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
     let lengths = [
         samples.jitter.len(),
         samples.radiance.len(),
+        samples.background_share.len(),
         samples.distance.len(),
         samples.normal.len(),
         samples.view_dependent.len(),
     ];
     if lengths.iter().any(|&length| length != count) {
         return Err("a texture is not n x n");
+    }
+    if !samples.background_share.iter().all(|s| (0.0..=1.0).contains(s)) {
+        return Err("a share is not in [0, 1]");
     }
     if !samples.radiance.iter().all(|l| l.is_finite()) || !samples.distance.iter().all(|&d| d >= 0.0) {
         return Err("a texel is not finite");
@@ -116,7 +120,13 @@ fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
         return Err("its layers are not in order");
     }
     let padded = elements.len().next_multiple_of(crate::LANES);
-    let floats = elements.x.iter().chain(&elements.y).chain(&elements.z).chain(&elements.radiance);
+    let floats = elements
+        .x
+        .iter()
+        .chain(&elements.y)
+        .chain(&elements.z)
+        .chain(&elements.radiance)
+        .chain([&elements.background_share]);
     let lengths = floats.clone().map(Vec::len).chain([
         elements.finite.len(),
         elements.start.len(),

@@ -62,6 +62,8 @@ pub struct Elements {
     pub z: [Vec<f32>; 4],
     /// 1 for an element at a distance, 0 for one at infinity, which does not move.
     pub finite: Vec<f32>,
+    /// Share of the radiance that comes from infinity, see [`Samples::background_share`].
+    pub background_share: Vec<f32>,
     /// Mean radiance, W m^-2 sr^-1: red, green, blue.
     pub radiance: [Vec<f32>; 3],
     /// First column and row of its texels in the record.
@@ -100,6 +102,7 @@ impl Elements {
             y: std::array::from_fn(|_| zeros()),
             z: std::array::from_fn(|_| zeros()),
             finite: vec![1.0; padded],
+            background_share: zeros(),
             radiance: std::array::from_fn(|_| zeros()),
             start: vec![[0; 2]; padded],
             size: vec![[0; 2]; padded],
@@ -152,7 +155,7 @@ impl Elements {
     /// Bytes that the arrays take.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.padded_len() * (16 * size_of::<f32>() + 4 + size_of::<Sides>() + size_of::<bool>())
+        self.padded_len() * (17 * size_of::<f32>() + 4 + size_of::<Sides>() + size_of::<bool>())
             + self.layer_starts.len() * 4
     }
 
@@ -174,6 +177,10 @@ impl Elements {
         self.finite[e] = if block.is_infinite() { 0.0 } else { 1.0 };
         let sum: glam::DVec3 = texels().map(|t| samples.radiance[t].as_dvec3()).sum();
         let mean = (sum / (w * h) as f64).as_vec3();
+        let far: glam::DVec3 =
+            texels().map(|t| samples.radiance[t].as_dvec3() * f64::from(samples.background_share[t])).sum();
+        // A black element has no share to speak of; 0 is as good as any.
+        self.background_share[e] = narrow(far.element_sum() / sum.element_sum().max(f64::MIN_POSITIVE));
         for (channel, value) in self.radiance.iter_mut().zip(mean.to_array()) {
             channel[e] = value;
         }
@@ -182,6 +189,11 @@ impl Elements {
         self.view_dependent[e] = block.view_dependent;
         self.sides[e] = element_sides(texel_sides, n, [i0, j0], [w, h]);
     }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a share in [0, 1]")]
+fn narrow(share: f64) -> f32 {
+    share as f32
 }
 
 /// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity.

@@ -100,7 +100,7 @@ impl Record {
     /// Bytes that it takes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let texel = size_of::<Vec3>() * 2 + size_of::<f32>() + size_of::<glam::Vec2>() + size_of::<bool>();
+        let texel = size_of::<Vec3>() * 2 + 2 * size_of::<f32>() + size_of::<glam::Vec2>() + size_of::<bool>();
         size_of::<Self>() + self.samples.radiance.len() * texel + self.elements.memory_bytes()
     }
 }

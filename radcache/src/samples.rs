@@ -22,6 +22,9 @@ pub struct Samples {
     pub distance: Vec<f32>,
     /// Unit normal of the hit, turned to the record; any value where the distance is infinite.
     pub normal: Vec<Vec3>,
+    /// Share of the radiance that comes from infinity, by luminance: 1 for the surroundings, 0 for what stands at a distance, and
+    /// between for a texel of several rays at the rim of a window.
+    pub background_share: Vec<f32>,
     /// Whether the radiance is that of this direction only, as a highlight is, so that another point must look for itself: the
     /// element then hides what is behind it, and is traced anew.
     pub view_dependent: Vec<bool>,
@@ -40,6 +43,7 @@ impl Samples {
             n: u32::try_from(n).expect("n <= 64"),
             jitter: vec![Vec2::splat(0.5); count],
             radiance: vec![Vec3::ZERO; count],
+            background_share: vec![1.0; count],
             distance: vec![f32::INFINITY; count],
             normal: vec![Vec3::Z; count],
             view_dependent: vec![false; count],
@@ -70,6 +74,7 @@ impl Samples {
         self.radiance[texel] = radiance;
         self.distance[texel] = if distance.is_nan() { f32::INFINITY } else { distance.max(0.0) };
         self.normal[texel] = normal.into();
+        self.background_share[texel] = if self.distance[texel].is_infinite() { 1.0 } else { 0.0 };
     }
 
     /// Texels along a side.
@@ -104,8 +109,10 @@ impl Samples {
     #[must_use]
     pub fn mean_radiance_by_distance(&self) -> [Vec3; 2] {
         let mut sum = [glam::DVec3::ZERO; 2];
-        for (radiance, distance) in self.radiance.iter().zip(&self.distance) {
-            sum[usize::from(distance.is_infinite())] += radiance.as_dvec3();
+        for (radiance, &share) in self.radiance.iter().zip(&self.background_share) {
+            let far = radiance.as_dvec3() * f64::from(share);
+            sum[0] += radiance.as_dvec3() - far;
+            sum[1] += far;
         }
         sum.map(|part| (part / self.radiance.len() as f64).as_vec3())
     }

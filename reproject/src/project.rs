@@ -111,8 +111,10 @@ impl Workspace {
             };
             let visible = || count(rows.clone(), &|j| !self.masks.closed(j));
             self.weight[e] = match settings.weights {
-                AreaWeights::Analytic if hidden == 0 => area,
-                AreaWeights::Analytic => area * visible() / count(rows.clone(), &|_| u64::MAX),
+                AreaWeights::Analytic if hidden == 0 => area / chance(place, self.n),
+                AreaWeights::Analytic => {
+                    area / chance(place, self.n) * visible() / count(rows.clone(), &|_| u64::MAX)
+                }
                 AreaWeights::Bits => visible() / (self.n * self.n) as f32,
             };
         }
@@ -146,11 +148,11 @@ impl Workspace {
         let mut sums = [[0.0f32; LANES]; 7];
         let [red, green, blue] = elements.radiance.each_ref().map(|channel| channel.as_chunks::<LANES>().0);
         let weights = self.weight.as_chunks::<LANES>().0;
-        let finite = elements.finite.as_chunks::<LANES>().0;
-        for ((((weight, finite), red), green), blue) in weights.iter().zip(finite).zip(red).zip(green).zip(blue) {
+        let shares = elements.background_share.as_chunks::<LANES>().0;
+        for ((((weight, share), red), green), blue) in weights.iter().zip(shares).zip(red).zip(green).zip(blue) {
             for lane in 0..LANES {
-                let near = weight[lane] * finite[lane];
-                let far = weight[lane] - near;
+                let far = weight[lane] * share[lane];
+                let near = weight[lane] - far;
                 sums[0][lane] += weight[lane];
                 for (channel, radiance) in [red, green, blue].into_iter().enumerate() {
                     sums[1 + channel][lane] += near * radiance[lane];
@@ -163,6 +165,17 @@ impl Workspace {
         self.filled_sum = [Vec3::from_array(near), Vec3::new(r, g, b)];
         self.filled_weight = weight;
     }
+}
+
+/// The chance that a quadrilateral covers any texel centre, where it lies at random on the grid: about the product of its extents
+/// in texels, each at most 1. What covers none counts for nothing, so what does must count for as much more; without this,
+/// elements that shrank would be lost and the picture would lean to those that grew.
+#[inline]
+fn chance(place: &[Vec2; 4], n: usize) -> f32 {
+    let across = (place[1] + place[2] - place[0] - place[3]).abs().max_element();
+    let along = (place[2] + place[3] - place[0] - place[1]).abs().max_element();
+    let half = 0.5 * n as f32;
+    (across * half).min(1.0) * (along * half).min(1.0)
 }
 
 /// Gives the texels of a row whose bits are set to an element. In runs of a fixed length without a branch on the bits.

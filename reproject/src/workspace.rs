@@ -209,7 +209,10 @@ impl Workspace {
         for (&owner, &weight) in self.owner.iter().zip(weights) {
             if owner != NOBODY && weight != Vec3::ZERO {
                 let e = usize::from(owner);
-                sum[usize::from(elements.finite[e] == 0.0)] += radiance(elements, e) * weight;
+                let light = radiance(elements, e) * weight;
+                let far = light * elements.background_share[e];
+                sum[0] += light - far;
+                sum[1] += far;
             }
         }
         for (hole, traced) in self.holes.iter().zip(&self.traced) {

@@ -240,9 +240,9 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let mut glossy = Vec3::ZERO;
         if needs_texture(&point.shading, self.plan) {
             self.weigh(&point.shading, frame, samples.resolution(), point.key, weights);
-            let texels = samples.radiance.iter().zip(&samples.distance).zip(weights.iter());
+            let texels = samples.radiance.iter().zip(&samples.background_share).zip(weights.iter());
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
-            glossy = texels.filter(|((_, d), _)| d.is_finite()).map(|((&l, _), &w)| l * w).sum();
+            glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
         }
         Incident { near, sky, glossy, reach: samples.harmonic_distance() }
     }
