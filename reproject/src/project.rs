@@ -112,9 +112,7 @@ impl Workspace {
             let visible = || count(rows.clone(), &|j| !self.masks.closed(j));
             self.weight[e] = match settings.weights {
                 AreaWeights::Analytic if hidden == 0 => area / chance(place, self.n),
-                AreaWeights::Analytic => {
-                    area / chance(place, self.n) * visible() / count(rows.clone(), &|_| u64::MAX)
-                }
+                AreaWeights::Analytic => area / chance(place, self.n) * visible() / count(rows.clone(), &|_| u64::MAX),
                 AreaWeights::Bits => visible() / (self.n * self.n) as f32,
             };
         }

@@ -1,6 +1,6 @@
 //! Small analytic scenes of rectangles, discs and spheres, with a ray caster of its own: the oracle of tests and benches.
 
-#![allow(dead_code, reason = "each test takes what it needs")]
+#![allow(dead_code, unreachable_pub, reason = "each test takes what it needs, and the benches all of it")]
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
