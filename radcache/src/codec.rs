@@ -108,7 +108,12 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
     if !samples.background_share.iter().all(|s| (0.0..=1.0).contains(s)) {
         return Err("a share is not in [0, 1]");
     }
-    if !samples.radiance.iter().all(|l| l.is_finite()) || !samples.distance.iter().all(|&d| d >= 0.0) {
+    let unit = |jitter: &glam::Vec2| (0.0..=1.0).contains(&jitter.x) && (0.0..=1.0).contains(&jitter.y);
+    let sane = samples.radiance.iter().all(|l| l.is_finite())
+        && samples.distance.iter().all(|&d| d >= 0.0)
+        && samples.normal.iter().all(|n| n.is_finite())
+        && samples.jitter.iter().all(unit);
+    if !sane {
         return Err("a texel is not finite");
     }
     Ok(())
@@ -140,13 +145,23 @@ fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
     if !floats.chain([&elements.finite]).flatten().all(|x| x.is_finite()) {
         return Err("an element is not finite");
     }
-    let texels: usize = (0..elements.len())
-        .map(|e| {
-            let fits = (0..2).all(|a| usize::from(elements.start[e][a]) + usize::from(elements.size[e][a]) <= n);
-            if fits { usize::from(elements.size[e][0]) * usize::from(elements.size[e][1]) } else { 0 }
-        })
-        .sum();
-    if texels == n * n { Ok(()) } else { Err("its elements do not cover the texture once") }
+    if !elements.finite.iter().all(|&finite| finite == 0.0 || finite == 1.0) {
+        return Err("an element is neither near nor at infinity");
+    }
+    let mut covered = vec![false; n * n];
+    for e in 0..elements.len() {
+        let [i0, j0] = elements.start[e].map(usize::from);
+        let [w, h] = elements.size[e].map(usize::from);
+        if i0 + w > n || j0 + h > n {
+            return Err("an element is outside the texture");
+        }
+        for texel in (j0..j0 + h).flat_map(|j| j * n + i0..j * n + i0 + w) {
+            if std::mem::replace(&mut covered[texel], true) {
+                return Err("its elements do not cover the texture once");
+            }
+        }
+    }
+    if covered.iter().all(|&c| c) { Ok(()) } else { Err("its elements do not cover the texture once") }
 }
 
 #[cfg(test)]
@@ -196,7 +211,11 @@ mod tests {
         };
         assert!(wrong(|r| r.radius = f32::NAN).contains("radius"));
         assert!(wrong(|r| r.samples.radiance[3].x = f32::INFINITY).contains("texel"));
-        assert!(wrong(|r| r.elements.start[0] = [60, 0]).contains("cover"));
+        assert!(wrong(|r| r.elements.start[0] = [60, 0]).contains("outside"));
+        assert!(wrong(|r| r.elements.start[0] = r.elements.start[1]).contains("cover"));
+        assert!(wrong(|r| r.elements.finite[0] = 0.5).contains("infinity"));
+        assert!(wrong(|r| r.samples.normal[2].x = f32::NAN).contains("texel"));
+        assert!(wrong(|r| r.samples.jitter[2].x = 7.0).contains("texel"));
         assert!(wrong(|r| r.elements.x[2].truncate(3)).contains("length"));
         assert!(wrong(|r| r.frame[0] = Vec3::ZERO).contains("orthonormal"));
         assert!(wrong(|r| r.elements.layer_starts[1] = 1_000_000).contains("order"));

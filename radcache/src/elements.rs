@@ -203,13 +203,15 @@ fn narrow(share: f64) -> f32 {
 fn corner_point(direction: Vec3A, block: &Block, (nearest, farthest): (f32, f32)) -> Vec3A {
     /// A texel next to the horizon of a plane spans about this factor in distance on either side of its centre.
     const STRETCH: f32 = 2.0;
+    /// Metres; the square of what is farther is no number of f32, and would make none of what is computed from it.
+    const FARTHEST: f32 = 1e15;
     if block.is_infinite() {
         return direction;
     }
-    let t = plane_distance(block.centre(), block.normal(), direction);
-    // A normal of zero gives NaN, which `clamp` would keep.
-    let t = if t.is_nan() { farthest } else { t.clamp(nearest / STRETCH, farthest * STRETCH) };
-    direction * t
+    // Where there is no normal, the element faces the record.
+    let normal = block.normal();
+    let t = if normal == Vec3A::ZERO { farthest } else { plane_distance(block.centre(), normal, direction) };
+    direction * t.clamp(nearest / STRETCH, farthest * STRETCH).min(FARTHEST)
 }
 
 /// A side of an element is a silhouette if it is one for any of the texels along it.
@@ -276,6 +278,16 @@ mod tests {
         }
         assert_eq!(next, elements.len(), "and hold all");
         assert_eq!(elements.padded_len() % LANES, 0, "padded");
+    }
+
+    #[test]
+    fn without_a_normal_an_element_faces_the_record() {
+        let samples = Samples::from_fn(8, |_| (Vec3::ONE, 3.0, Vec3A::ZERO));
+        let elements = Elements::new(&samples, 4, &MergeSettings::default());
+        assert_eq!(elements.len(), 64, "nothing merges");
+        for e in 0..64 {
+            assert!((elements.corner(e, 1).length() - 3.0).abs() < 1e-5, "at the distance of its ray");
+        }
     }
 
     #[test]

@@ -40,7 +40,9 @@ impl Index {
         for record in records {
             let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
             let radius = record.radius();
-            if radius > 0.0 && radius.is_finite() {
+            if radius > 0.0 {
+                // Under an open sky a record may reach everywhere.
+                let radius = radius.min(WIDEST);
                 let exponent = level_exponent(radius);
                 let level = self.level(exponent);
                 let width = cell_width(exponent);
@@ -126,6 +128,9 @@ impl Index {
     }
 }
 
+/// Metres beyond which no scene goes.
+const WIDEST: f32 = 1e30;
+
 /// Smallest exponent e with 2^e >= 2 radius.
 fn level_exponent(radius: f32) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "an f32 exponent")]
@@ -204,6 +209,19 @@ mod tests {
                 prop_assert_eq!(index.best(p, n).map(|f| (f.misfit, f.record)), naive);
             }
         }
+    }
+
+    #[test]
+    fn a_record_without_limit_reaches_everywhere() {
+        let validity = Validity { min_normal_cos: 1.0, ..Validity::default() };
+        let sky = record(Vec3A::ONE, Vec3A::Z, f32::INFINITY, &validity);
+        assert_eq!(sky.radius(), f32::INFINITY, "no limit was set");
+        let mut index = Index::new(validity);
+        index.extend([sky, record(Vec3A::ZERO, Vec3A::Z, 1.0, &validity)]);
+        for p in [Vec3A::ONE, Vec3A::splat(-1e6), Vec3A::new(1e15, -3.0, 0.0)] {
+            assert_eq!(index.best(p, Vec3A::Z).map(|f| (f.record, f.misfit)), Some((0, 0.0)), "at {p}");
+        }
+        assert_eq!(index.best(Vec3A::ZERO, Vec3A::Y), None, "only equal normals");
     }
 
     #[test]

@@ -68,7 +68,9 @@ impl Validity {
         if cos < self.min_normal_cos || record.radius() <= 0.0 {
             return f32::INFINITY;
         }
-        distance / record.radius() + (1.0 - cos) / (1.0 - self.min_normal_cos) * 0.5
+        // Where only equal normals may serve, their own term is not 0 / 0.
+        let turn = (1.0 - cos) / (1.0 - self.min_normal_cos).max(f32::EPSILON);
+        distance / record.radius() + 0.5 * turn.max(0.0)
     }
 }
 
