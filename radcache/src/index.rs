@@ -15,8 +15,17 @@ use crate::{Record, Validity};
 pub struct Index {
     validity: Validity,
     records: Vec<Record>,
-    /// Exponent of the cell width, with the records that reach into each cell; largest cells first.
-    levels: Vec<(i32, HashMap<IVec3, Vec<u32>, CellHasher>)>,
+    /// Largest cells first.
+    levels: Vec<Level>,
+}
+
+/// The records of about one radius.
+#[derive(Debug)]
+struct Level {
+    /// Exponent of the cell width.
+    exponent: i32,
+    /// The records that reach into each cell.
+    cells: HashMap<IVec3, Vec<u32>, CellHasher>,
 }
 
 /// What [`Index::best`] found.
@@ -36,6 +45,9 @@ impl Index {
     }
 
     /// Enters records in order.
+    ///
+    /// # Panics
+    /// If there are 2^32 of them.
     pub fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
         for record in records {
             let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
@@ -51,7 +63,7 @@ impl Index {
                 for x in low.x..=high.x {
                     for y in low.y..=high.y {
                         for z in low.z..=high.z {
-                            self.levels[level].1.entry(IVec3::new(x, y, z)).or_default().push(number);
+                            self.levels[level].cells.entry(IVec3::new(x, y, z)).or_default().push(number);
                         }
                     }
                 }
@@ -70,8 +82,8 @@ impl Index {
     #[must_use]
     pub fn best_but(&self, p: Vec3A, n: Vec3A, refused: &[usize]) -> Option<Found> {
         let mut best: Option<Found> = None;
-        for (exponent, cells) in &self.levels {
-            let Some(candidates) = cells.get(&cell(p, cell_width(*exponent))) else {
+        for level in &self.levels {
+            let Some(candidates) = level.cells.get(&cell(p, cell_width(level.exponent))) else {
                 continue;
             };
             for &number in candidates {
@@ -113,15 +125,16 @@ impl Index {
     /// Bytes that records and cells take, about.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let cells: usize = self.levels.iter().flat_map(|(_, c)| c.values()).map(|v| 40 + v.capacity() * 4).sum();
+        let cells: usize =
+            self.levels.iter().flat_map(|level| level.cells.values()).map(|v| 40 + v.capacity() * 4).sum();
         cells + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 
     fn level(&mut self, exponent: i32) -> usize {
-        match self.levels.binary_search_by(|(e, _)| exponent.cmp(e)) {
+        match self.levels.binary_search_by(|level| exponent.cmp(&level.exponent)) {
             Ok(found) => found,
             Err(place) => {
-                self.levels.insert(place, (exponent, HashMap::default()));
+                self.levels.insert(place, Level { exponent, cells: HashMap::default() });
                 place
             }
         }

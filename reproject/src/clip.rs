@@ -36,3 +36,63 @@ pub(crate) fn signed_area(polygon: &[Vec2]) -> f32 {
     let twice: f32 = polygon.windows(2).map(|edge| (edge[0] - origin).perp_dot(edge[1] - origin)).sum();
     0.5 * twice
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Share of the cosine-weighted hemisphere that a polygon above the horizon covers (Lambert).
+    fn lambert(corners: &[Vec3A]) -> f32 {
+        let edge = |k: usize| {
+            let (a, b) = (corners[k].normalize(), corners[(k + 1) % corners.len()].normalize());
+            a.cross(b).normalize_or_zero().z * a.angle_between(b)
+        };
+        (0..corners.len()).map(edge).sum::<f32>() / std::f32::consts::TAU
+    }
+
+    proptest! {
+        /// What is left above the horizon has the area of its own form factor, up to the bend of straight edges.
+        #[test]
+        fn clipped_area_is_the_form_factor(azimuth in 0.0f32..6.28, height in -0.12f32..0.12, tilt in -0.5f32..0.5) {
+            let (sin, cos) = azimuth.sin_cos();
+            let out = Vec3A::new(cos, sin, 0.0);
+            let (s, t) = (Vec3A::new(-sin, cos, tilt) * 0.1, Vec3A::new(0.0, 0.0, 0.1));
+            let centre = out + Vec3A::Z * height;
+            let quad = [centre - s - t, centre - s + t, centre + s + t, centre + s - t];
+            let mut polygon = [Vec2::ZERO; MAX_CLIPPED];
+            let corners = clip_at_horizon(&quad, &mut polygon);
+            // The same by many small pieces, each above or below as a whole.
+            const PIECES: u8 = 50;
+            let at = |i: u8, j: u8| {
+                let [i, j] = [i, j].map(|k| f32::from(k) / f32::from(PIECES) * 2.0 - 1.0);
+                centre + s * j + t * i
+            };
+            let mut expected = 0.0;
+            for i in 0..PIECES {
+                for j in 0..PIECES {
+                    let piece = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                    if piece.iter().map(|c| c.z).sum::<f32>() > 0.0 {
+                        expected += lambert(&piece.map(|c| c.with_z(c.z.max(0.0))));
+                    }
+                }
+            }
+            let area = signed_area(&polygon[..corners]);
+            prop_assert!((area.abs() - expected.abs()).abs() < 3e-4, "{} for {}", area, expected);
+            prop_assert!(polygon[..corners].iter().all(|p| p.cmpge(Vec2::ZERO).all() && p.cmple(Vec2::ONE).all()));
+        }
+    }
+
+    #[test]
+    fn what_is_wholly_above_or_below_is_kept_or_dropped() {
+        let quad = [Vec3A::new(1.0, 0.0, 1.0), Vec3A::new(1.0, 1.0, 1.0), Vec3A::new(0.0, 1.0, 1.0), Vec3A::Z];
+        let mut polygon = [Vec2::ZERO; MAX_CLIPPED];
+        assert_eq!(clip_at_horizon(&quad, &mut polygon), 4);
+        assert_eq!(polygon[..4], quad.map(direction_to_square));
+        assert_eq!(clip_at_horizon(&quad.map(|c| -c), &mut polygon), 0);
+        // A bow of which every other corner is above has the most corners.
+        let bow = [quad[0], -quad[1], quad[2], -quad[3]];
+        assert_eq!(clip_at_horizon(&bow, &mut polygon), MAX_CLIPPED);
+        assert_eq!(signed_area(&[]), 0.0);
+    }
+}

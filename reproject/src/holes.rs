@@ -55,7 +55,7 @@ impl Workspace {
                 }
                 hole.texels = u16::try_from(texels).expect("at most 64 x 64 texels");
                 let random = hash(seed, (row * n + column) as u64);
-                let texel = pick(&hole, n, &self.masks, (random >> 32) * u64::from(texels) >> 32);
+                let texel = pick(&hole, n, &self.masks, ((random >> 32) * u64::from(texels)) >> 32);
                 let jitter = Vec2::new(unit(random), unit(random >> 16));
                 let place = (Vec2::new((texel % n) as f32, (texel / n) as f32) + jitter) / n as f32;
                 self.holes.push(hole);

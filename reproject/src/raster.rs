@@ -64,8 +64,11 @@ fn rows_of<const E: usize>(corners: [Vec2; E], n: usize, rows: &mut Rows) -> Ran
     }
     let ends = Vec4::new(low.min_element(), high.max_element(), 0.0, 0.0);
     let [first, end, ..] = first_centres(ends, scale);
-    for row in first..end {
-        let centre = Vec4::splat(row as f32);
+    if first >= end {
+        return 0..0;
+    }
+    for (row, out) in rows[first..end].iter_mut().enumerate() {
+        let centre = Vec4::splat((first + row) as f32);
         let mut bits = 0;
         for edges in edges.iter() {
             let crossing = edges.x_low + (centre - edges.y_low) * edges.slope;
@@ -74,7 +77,7 @@ fn rows_of<const E: usize>(corners: [Vec2; E], n: usize, rows: &mut Rows) -> Ran
             let firsts = first_centres(Vec4::select(crosses, crossing, Vec4::ZERO), scale);
             bits ^= BELOW[firsts[0]] ^ BELOW[firsts[1]] ^ BELOW[firsts[2]] ^ BELOW[firsts[3]];
         }
-        rows[row] = bits;
+        *out = bits;
     }
     first..end
 }
@@ -101,9 +104,10 @@ pub fn rectangle_rows(corners: &[Vec2], n: usize, rows: &mut Rows) -> Range<usiz
     let ends = Vec4::new(min.x, max.x, min.y, max.y) * scale - 0.5;
     let [left, right, first, end] = first_centres(ends, Vec4::splat(scale));
     let bits = BELOW[right] & !BELOW[left];
-    for row in first..end {
-        rows[row] = bits;
+    if first >= end {
+        return 0..0;
     }
+    rows[first..end].fill(bits);
     first..end
 }
 
@@ -226,7 +230,7 @@ mod tests {
             // A 4 x 4 grid of quads over the square with its inner corners moved a little.
             let at = |i: usize, j: usize| {
                 let base = Vec2::new(i as f32, j as f32) / 4.0;
-                let edge = i % 4 == 0 || j % 4 == 0;
+                let edge = [0, 4].contains(&i) || [0, 4].contains(&j);
                 if edge { base } else { base + (inner[(i - 1) * 3 + j - 1].clamp(Vec2::ZERO, Vec2::ONE) - 0.5) * 0.12 }
             };
             let mut seen = [0u64; MAX_RESOLUTION];

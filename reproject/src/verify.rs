@@ -24,7 +24,7 @@ pub struct Verdict {
 }
 
 impl Workspace {
-    /// Traces `side x side` stratified rays and compares what each meets with the element that fills its texel. To be called
+    /// Traces `side x side` stratified rays, 16 x 16 at most, and compares what each meets with the element that fills its texel. To be called
     /// between [`Self::project`] and [`Self::trace_holes`], whose buffers it uses.
     pub fn verify(&mut self, record: &Record, side: u32, seed: u64, tracer: &mut impl Tracer) -> Verdict {
         self.directions.clear();
@@ -53,8 +53,9 @@ impl Workspace {
         });
         let wrong = wrong.count();
         self.traced.clear();
-        let to_u32 = |x: usize| u32::try_from(x).expect("at most 16 x 16 rays");
-        Verdict { asked: to_u32(asked), wrong: to_u32(wrong) }
+        #[expect(clippy::cast_possible_truncation, reason = "at most 16 x 16 rays")]
+        let verdict = Verdict { asked: asked as u32, wrong: wrong as u32 };
+        verdict
     }
 
     /// Whether a ray along `wi`, in the frame of the record, that ended at `distance` met element `e`.
@@ -84,6 +85,7 @@ fn unit(bits: u64) -> f32 {
 }
 
 fn texel_at(place: Vec2, n: usize) -> usize {
-    let cell = (place * n as f32).as_uvec2().min(glam::UVec2::splat(u32::try_from(n - 1).expect("n <= 64")));
-    cell.y as usize * n + cell.x as usize
+    // A product may round up to n.
+    let cell = (place * n as f32).as_uvec2();
+    (cell.y as usize).min(n - 1) * n + (cell.x as usize).min(n - 1)
 }

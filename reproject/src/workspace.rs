@@ -160,15 +160,15 @@ impl Workspace {
     /// [`Self::mean_radiance`] in two parts: what comes from a distance, and what comes from infinity.
     #[must_use]
     pub fn mean_radiance_by_distance(&self) -> [Vec3; 2] {
-        let texels = (self.n * self.n) as f32;
-        let mut sum = self.filled_sum;
-        let mut weight = self.filled_weight;
+        let texels = (self.n * self.n) as f64;
+        let mut sum = self.filled_sum.map(|part| part.as_dvec3());
+        let mut weight = f64::from(self.filled_weight);
         for (hole, traced) in self.holes.iter().zip(&self.traced) {
-            let share = f32::from(hole.texels) / texels;
-            sum[usize::from(traced.distance.is_infinite())] += share * traced.radiance;
+            let share = f64::from(hole.texels) / texels;
+            sum[usize::from(traced.distance.is_infinite())] += share * traced.radiance.as_dvec3();
             weight += share;
         }
-        if weight > 0.0 { sum.map(|part| part / weight) } else { [Vec3::ZERO; 2] }
+        if weight > 0.0 { sum.map(|part| (part / weight).as_vec3()) } else { [Vec3::ZERO; 2] }
     }
 
     /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's ray.

@@ -78,14 +78,11 @@ fn ceiling_moves_by_its_parallax() {
     let mut workspace = Workspace::new();
     let shares = workspace.project(&record, Vec3A::X * s, Vec3A::Z, &Settings::default());
     assert_eq!(shares.unknown, 0.0, "a plane has no silhouette");
-    for j in 0..n {
-        let holes = workspace.masks().holes(j);
-        for i in (0..n).filter(|&i| holes >> i & 1 == 1) {
-            // From beyond the last texels and between those whose corners were held back: within three texels of the rim.
-            let rim = i.min(n - 1 - i).min(j).min(n - 1 - j);
-            assert!(rim < 3, "hole at {i} {j}");
-        }
-    }
+    // Slivers open where the straight edge of a large block meets those of small ones on a curve: they cost rays, not error.
+    assert!(shares.holes < 0.06, "{shares:?}");
+    let single = RecordSettings { merge: MergeSettings { max_side: 1, ..MergeSettings::default() }, layers: 16 };
+    let shares = workspace.project(&at_origin(half_lit, n, &single), Vec3A::X * s, Vec3A::Z, &Settings::default());
+    assert_eq!((shares.filled, shares.unknown), (1.0, 0.0), "texels alone leave no gap");
 }
 
 /// Bits that no neighbour of an unset bit has.
@@ -136,7 +133,10 @@ fn unknown_zone_of_two_planes() {
                     .map(|(j, row)| (row & !workspace.masks().holes(j)).count_ones())
                     .sum();
                 // Straight edges bend where they cross a diagonal of the square: there a bit may be lost.
-                assert!(missed <= n as u32 / 32, "{trails:?}, n = {n}: {missed} bits filled with what it cannot know");
+                assert!(
+                    missed as usize <= n / 32,
+                    "{trails:?}, n = {n}: {missed} bits filled with what it cannot know"
+                );
                 let [unknown, holes] = [shares.unknown, shares.holes].map(|share| share / expected);
                 println!(
                     "{trails:?}, h2 = {h2}, n = {n}: unknown {unknown:.2}, holes {holes:.2} times the new; {missed} missed"
@@ -180,7 +180,7 @@ fn turning_normal_loses_a_lune() {
     }
 }
 
-/// Share of the hemisphere over `p` that the polygon covers, by Lambert's formula.
+/// Share of the cosine-weighted hemisphere over `p` that the polygon covers, by Lambert's formula.
 fn lambert(corners: &[Vec3A], p: Vec3A) -> f64 {
     let directions: Vec<glam::DVec3> = corners.iter().map(|c| c.as_dvec3() - p.as_dvec3()).collect();
     let sum: f64 = (0..directions.len())
@@ -215,8 +215,8 @@ fn near_things_are_magnified() {
             let p = Vec3A::new(0.8, 0.6, 0.0) * (step * h);
             workspace.project(&record, p, Vec3A::Z, &Settings::default());
             workspace.trace_holes(1, 1, &mut Rays(p, look));
-            let expected = 1.0 - lambert(&ring, p) as f32;
-            let found = workspace.mean_radiance().x;
+            let expected = 1.0 - lambert(&ring, p);
+            let found = f64::from(workspace.mean_radiance().x);
             assert!((found / expected - 1.0).abs() < 0.05, "h = {h}, moved {step} h: {found} for {expected}");
         }
     }

@@ -45,7 +45,7 @@ fn partly_known(n: usize, known: impl Fn(usize) -> bool) -> Record {
 #[expect(clippy::print_stdout, reason = "the bias of a fixed ray is a figure to report, with --nocapture")]
 fn hole_rays_are_unbiased() {
     for n in [1usize, 7, 16, 33] {
-        for k in [1, 2, 3, 8, n as u32 + 1] {
+        for k in [1, 2, 3, 8, u32::try_from(n + 1).unwrap()] {
             for half in [false, true] {
                 let record = partly_known(n, |texel| half && uniform(texel as u64) < 0.5);
                 let mut workspace = Workspace::new();
