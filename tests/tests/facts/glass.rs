@@ -1,0 +1,46 @@
+//! Glass that neither adds nor loses light.
+
+use glam::Vec3;
+use tests::{Builder, Effort, METHODS, cuboid, glass, icosphere, measure};
+
+/// Effort for glass alone: nothing is gathered.
+fn effort() -> Effort {
+    Effort { path_spp: 64, spp: 64, seeds: 2, ..Effort::default() }
+}
+
+#[test]
+fn clear_glass_vanishes_in_a_white_furnace() {
+    let form = Builder::default().ball(Vec3::ZERO, 1.0, glass(1.5, 0.0));
+    let mesh = Builder::default().mesh(icosphere(Vec3::ZERO, 1.0, 3), glass(1.5, 0.0));
+    let slab = Builder::default().mesh(cuboid(Vec3::new(-9.0, -9.0, -0.5), Vec3::new(9.0, 9.0, 0.5)), glass(1.8, 0.0));
+    for (body, what) in [(form, "free form"), (mesh, "mesh"), (slab, "slab")] {
+        let scene = body.sky(1.0).view(Vec3::new(0.2, -1.0, 4.0), Vec3::ZERO, 20.0).build();
+        for method in METHODS {
+            let measured = measure(&scene, method, &effort(), |_| 1.0);
+            measured.assert_unbiased(what);
+        }
+    }
+}
+
+#[test]
+fn slab_with_absorption_sums_its_internal_reflections() {
+    // T = (1 - R)^2 e / (1 - R^2 e^2) and R + (1 - R)^2 R e^2 / (1 - R^2 e^2), e = exp(-s d / cos theta_t), in a sky of 1.
+    let cases = [
+        (1.5f32, 0.0f32, 1.0f32, 0.339_111 + 0.044_990),
+        (1.5, 60.0, 0.5, 0.450_739 + 0.110_978),
+        (1.8, 45.0, 0.2, 0.664_855 + 0.143_549),
+    ];
+    for (ior, degrees, absorption, expected) in cases {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let slab = cuboid(Vec3::new(-1e3, -1e3, 0.0), Vec3::new(1e3, 1e3, 1.0));
+        let scene = Builder::default()
+            .mesh(slab, glass(ior, absorption))
+            .sky(1.0)
+            .view(Vec3::new(10.0 * sin, 0.0, 1.0 + 10.0 * cos), Vec3::Z, 1.0)
+            .build();
+        for method in METHODS {
+            let measured = measure(&scene, method, &effort(), |_| expected);
+            measured.assert_unbiased(&format!("index {ior}, {degrees} degrees"));
+        }
+    }
+}

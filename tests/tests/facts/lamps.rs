@@ -1,0 +1,105 @@
+//! Light that comes straight from lamps: unbiased by every method.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use tests::{Builder, Effort, METHODS, icosphere, lambert, lamp, measure, polygon_irradiance, sphere_irradiance};
+
+/// The half width of the floor on which light is measured, metres.
+const FLOOR: f32 = 0.05;
+
+/// A white floor around the origin and an eye beside its normal.
+fn floor(normal: Vec3) -> Builder {
+    let across = normal.any_orthonormal_vector();
+    // The picture stays within the floor: 0.045 at a distance of 0.5 is 5 degrees.
+    Builder::default().square(Vec3::ZERO, normal, FLOOR, lambert(1.0)).view(
+        normal * 0.4 + across * 0.3,
+        Vec3::ZERO,
+        5.0,
+    )
+}
+
+#[test]
+fn irradiance_of_polygon_is_lamberts_formula() {
+    // One-sided lamps shine down, on the floor.
+    let above = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, y)| Vec3::new(x, y, 1.0));
+    let upright = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| Vec3::new(0.5, -y, z));
+    let triangle = [Vec3::new(1.0, 0.0, 1.0), Vec3::new(-1.0, -1.0, 2.0), Vec3::new(0.0, 1.0, 1.0)];
+    let tilted = Vec3::new(0.75f32.sqrt(), 0.0, 0.5);
+    let cases: [(&[Vec3], Vec3, &str); 5] = [
+        (&above, Vec3::Z, "square above"),
+        (&above, tilted, "square above a tilted floor"),
+        (&above, Vec3::X, "square, half of it below the floor"),
+        (&upright, Vec3::Z, "upright square, half of it below the floor"),
+        (&triangle, Vec3::Z, "triangle"),
+    ];
+    for (corners, normal, what) in cases {
+        let scene = floor(normal).polygon(corners, lamp(1.0)).build();
+        let corners: Vec<DVec3> = corners.iter().map(|corner| corner.as_dvec3()).collect();
+        let known = |p: DVec3| polygon_irradiance(&corners, p, normal.as_dvec3().normalize()) / PI;
+        let effort = Effort { path_spp: 64, spp: 64, seeds: 2, ..Effort::default() };
+        for method in METHODS {
+            measure(&scene, method, &effort, known).assert_unbiased(what);
+        }
+    }
+}
+
+#[test]
+fn irradiance_of_sphere_light_is_known_above_and_across_the_horizon() {
+    // Radius 1 at distance h, w degrees from the normal. A mesh is sampled; a free form is met by chance, which takes more samples
+    // the less of the hemisphere it fills.
+    for (h, degrees, mesh_spp, form_spp) in
+        [(2.0f32, 0.0f32, 128, 256), (2.0, 45.0, 256, 512), (2.0, 75.0, 512, 1024), (2.0, 90.0, 512, 2048)]
+    {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let centre = Vec3::new(sin, 0.0, cos) * h;
+        let known = |p: DVec3| sphere_irradiance(centre.as_dvec3(), 1.0, p, DVec3::Z) / PI;
+        let form = floor(Vec3::Z).ball(centre, 1.0, lamp(1.0)).build();
+        let mesh = floor(Vec3::Z).mesh(icosphere(centre, 1.0, 2), lamp(1.0)).build();
+        for (scene, spp, what) in [(form, form_spp, "free form"), (mesh, mesh_spp, "mesh")] {
+            let effort = Effort { path_spp: spp, spp, seeds: 2, ..Effort::default() };
+            for method in METHODS {
+                let measured = measure(&scene, method, &effort, known);
+                measured.assert_unbiased(&format!("{what}, h = {h}, {degrees} degrees"));
+            }
+        }
+    }
+}
+
+#[test]
+fn point_light_over_plane() {
+    // E = I h / (h^2 + r^2)^1.5, without noise: a pixel averages over its width of 0.003, which changes 1e-5.
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 10.0, lambert(1.0))
+        .point_light(Vec3::Z, 1.0)
+        .view(Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 0.0), 3.0)
+        .build();
+    let known = |p: DVec3| (1.0 + p.x * p.x + p.y * p.y).powf(-1.5) / PI;
+    for method in METHODS {
+        let measured = measure(&scene, method, &Effort { seeds: 1, ..Effort::default() }, known);
+        measured.assert_unbiased("point light");
+        assert!((measured.mean - 1.0).abs() < 1e-4 && measured.worst < 5e-3, "no noise but that of the pixel");
+    }
+}
+
+#[test]
+fn tiny_light_near_a_surface_is_direct_alone() {
+    // A disc of radius 1 mm, 1 cm above: E = pi L a^2 / (a^2 + h^2) below it; here a regular 64-gon.
+    let (radius, height) = (1e-3, 1e-2);
+    let corners: Vec<Vec3> = (0..64)
+        .map(|i| {
+            let (sin, cos) = (-std::f32::consts::TAU * i as f32 / 64.0).sin_cos();
+            Vec3::new(radius * cos, radius * sin, height)
+        })
+        .collect();
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 1.0, lambert(0.5))
+        .polygon(&corners, lamp(1.0))
+        .view(Vec3::new(8e-3, 0.0, 8e-3), Vec3::ZERO, 2.0)
+        .build();
+    let corners: Vec<DVec3> = corners.iter().map(|corner| corner.as_dvec3()).collect();
+    let known = |p: DVec3| 0.5 * polygon_irradiance(&corners, p, DVec3::Z) / PI;
+    for method in METHODS {
+        measure(&scene, method, &Effort::default(), known).assert_unbiased("tiny lamp");
+    }
+}

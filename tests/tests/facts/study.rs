@@ -1,0 +1,72 @@
+//! The study scenes against their converged references (see `data/study/README.md`).
+//!
+//! The quick run takes a few samples of the two smaller scenes; the long one all of them:
+//!
+//! ```text
+//! FREELUX_FULL=1 cargo test --release -p tests --test facts study -- --nocapture
+//! ```
+
+use glam::Vec3;
+use integrator::metrics::{Image, rel_mse};
+use integrator::{Method, Settings, render};
+use tests::{Blocks, STUDY_SIZE, Study, is_full, print};
+
+fn pictures(study: &Study, seeds: u64, spp: u32) -> Vec<Vec<Vec3>> {
+    (0..seeds)
+        .map(|seed| {
+            let spp = Some(spp);
+            let settings = Settings { method: Method::Path, size: STUDY_SIZE, spp, seed, ..Settings::default() };
+            render(&study.scene, &settings, &|_| ()).expect("valid settings").film.picture()
+        })
+        .collect()
+}
+
+/// Asserts that the path tracer has no bias: by blocks of `block` x `block` pixels and in the whole mean; and that the same test finds 1 %.
+fn assert_unbiased(name: &str, seeds: u64, spp: u32, block: usize) {
+    let study = Study::open(name);
+    let pictures = pictures(&study, seeds, spp);
+    let blocks = Blocks::compare(&study, &pictures, block, 1.0);
+    print(&format!("{name}, {seeds} x {spp} spp: {blocks:?}, whole {:.2}", blocks.whole()));
+    // Three channels that move together: 3.3 standard errors are 1 in 1000.
+    assert!(blocks.whole() < WHOLE, "{name}: {blocks:?}");
+    // The limit at 1 % for so many blocks and channels, by the t distribution of the pooled spread: 768 blocks of 16 x 16 with some 300
+    // degrees of freedom (the pixels of a block are not equally noisy), 3072 of 8 x 8 with some 100.
+    let limit = if block == 16 { 4.45 } else { 4.95 };
+    assert!(blocks.worst < limit, "{name}: {blocks:?}");
+    let planted = Blocks::compare(&study, &pictures, block, 1.01);
+    print(&format!(
+        "{name}, reference 1 % too bright: whole {:.2}, mean of z^2 {:.3}",
+        planted.whole(),
+        planted.mean_sq
+    ));
+    assert!(planted.whole() > WHOLE, "{name}: an error of 1 % is not found");
+}
+
+/// Largest deviation of the mean of all pixels, standard errors.
+const WHOLE: f64 = 3.3;
+
+#[test]
+fn path_has_no_bias() {
+    assert_unbiased("cornell", 4, 4, 16);
+    if is_full() {
+        assert_unbiased("cornell", 4, 64, 8);
+        assert_unbiased("cornell-glossy", 4, 64, 8);
+        assert_unbiased("atrium-env", 4, 128, 8);
+    }
+}
+
+#[test]
+fn reproject_reaches_its_error() {
+    // Robust relMSE at most 3e-3 with default settings, the reference's own subtracted.
+    let names: &[&str] = if is_full() { &["cornell", "cornell-glossy", "atrium-env"] } else { &["cornell"] };
+    for name in names {
+        let study = Study::open(name);
+        let settings = Settings { method: Method::Reproject, size: STUDY_SIZE, ..Settings::default() };
+        let picture = render(&study.scene, &settings, &|_| ()).expect("valid settings").film.picture();
+        let image = Image::new(STUDY_SIZE, &picture).expect("the size asked for");
+        let error = rel_mse(&image, &study.image()).expect("two pictures of one size");
+        let robust = error.robust - study.own_error;
+        print(&format!("{name}: robust relMSE {robust:.2e}, plain {:.2e}", error.plain - study.own_error));
+        assert!(robust < 3e-3, "{name}: {robust}");
+    }
+}

@@ -1,0 +1,85 @@
+//! The five terms are a partition of the light.
+
+use glam::{UVec2, Vec3};
+use integrator::{Film, Method, Settings, render};
+use scene::{Material, Scene};
+use tests::{Builder, METHODS, Term, cuboid, glass, gloss, icosphere, lambert, lamp, mirror, print};
+
+/// A floor under a sky with a lamp, a mirror, a ball of glass, a glossy box over a diffuse base and a ball of a free form.
+fn everything() -> Builder {
+    let plastic = Material { diffuse: Vec3::new(0.6, 0.3, 0.2), ..gloss(0.3, 0.1) };
+    Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 3.0, lambert(0.6))
+        .square(Vec3::new(0.0, 2.0, 1.0), Vec3::NEG_Y, 1.5, lambert(0.4))
+        .square(Vec3::new(-1.6, 0.4, 0.8), Vec3::new(1.0, -0.3, 0.0), 0.8, mirror(0.9))
+        .mesh(cuboid(Vec3::new(0.5, 0.3, 0.0), Vec3::new(1.3, 1.1, 0.9)), plastic)
+        .mesh(icosphere(Vec3::new(-0.2, -0.5, 2.2), 0.3, 1), lamp(6.0))
+        .ball(Vec3::new(-0.3, -0.3, 0.45), 0.45, glass(1.5, 0.0))
+        .ball(Vec3::new(0.9, -0.5, 0.3), 0.3, lambert(0.7))
+        .sky(0.3)
+        .view(Vec3::new(0.3, -4.0, 2.2), Vec3::new(0.0, 0.3, 0.5), 45.0)
+}
+
+fn picture(scene: &Scene, method: Method, spp: u32, seed: u64) -> Film {
+    let settings =
+        Settings { method, size: UVec2::splat(48), spp: Some(spp), quality: 0.5, seed, ..Settings::default() };
+    render(scene, &settings, &|_| ()).expect("valid settings").film
+}
+
+fn mean(radiance: &[Vec3]) -> f64 {
+    radiance.iter().map(|l| f64::from(l.x + l.y + l.z) / 3.0).sum::<f64>() / radiance.len() as f64
+}
+
+#[test]
+fn terms_sum_to_the_picture_bit_for_bit() {
+    let scene = everything().build();
+    for method in METHODS {
+        let film = picture(&scene, method, 4, 1);
+        for (pixel, radiance) in film.picture().iter().enumerate() {
+            let sum = (((film.emitted[pixel] + film.direct[pixel]) + film.specular[pixel]) + film.caustic[pixel])
+                + film.indirect[pixel];
+            assert_eq!(sum.to_array().map(f32::to_bits), radiance.to_array().map(f32::to_bits), "{}", method.name());
+        }
+        let all = [&film.emitted, &film.direct, &film.specular, &film.caustic, &film.indirect];
+        assert!(all.iter().all(|term| mean(term) > 1e-3), "{}: every term has light here", method.name());
+    }
+}
+
+#[test]
+fn terms_add_up_once() {
+    // Term by term, the methods with a cache against the path tracer.
+    let scene = everything().build();
+    let path: Vec<Film> = (0..8).map(|seed| picture(&scene, Method::Path, 160, seed)).collect();
+    for method in [Method::Gather, Method::Reproject] {
+        let film = picture(&scene, method, 64, 9);
+        for term in [Term::Direct, Term::Specular, Term::Caustic, Term::Indirect, Term::All] {
+            let means: Vec<f64> = path.iter().map(|film| mean(&term.of(film))).collect();
+            let expected = means.iter().sum::<f64>() / means.len() as f64;
+            let spread = means.iter().map(|m| (m - expected).powi(2)).sum::<f64>() / (means.len() - 1) as f64;
+            let error = (spread / means.len() as f64).sqrt() / expected;
+            let ratio = mean(&term.of(&film)) / expected;
+            print(&format!("{term:?}, {}: {ratio:.5} of path's, +- {error:.5}", method.name()));
+            assert!(error < 5e-3, "{term:?}: the path tracer's error {error} says too little");
+            assert!((ratio - 1.0).abs() < 0.01 + 3.5 * error, "{term:?}, {}: {ratio} of path's", method.name());
+        }
+    }
+}
+
+#[test]
+fn what_is_not_there_has_no_term() {
+    let lit = |builder: Builder| builder.square(Vec3::Z * 2.0, Vec3::NEG_Z, 0.3, lamp(5.0));
+    let view = |builder: Builder| builder.view(Vec3::new(0.3, -3.0, 1.0), Vec3::ZERO, 30.0);
+    let floor = Builder::default().square(Vec3::ZERO, Vec3::Z, 3.0, lambert(0.6));
+    let convex = view(lit(floor.clone())).build();
+    let diffuse = view(lit(floor.cube_room(&lambert(0.3)))).build();
+    let dark = view(Builder::default().square(Vec3::ZERO, Vec3::Z, 3.0, lambert(0.6))).build();
+    for method in METHODS {
+        let zero =
+            |film: &Film, term: Term| assert!(term.of(film).iter().all(|&l| l == Vec3::ZERO), "{term:?}, {method:?}");
+        let film = picture(&convex, method, 4, 2);
+        [Term::Specular, Term::Caustic, Term::Indirect].into_iter().for_each(|term| zero(&film, term));
+        let film = picture(&diffuse, method, 4, 2);
+        [Term::Specular, Term::Caustic].into_iter().for_each(|term| zero(&film, term));
+        zero(&picture(&dark, method, 4, 2), Term::All);
+    }
+}
