@@ -25,7 +25,7 @@ impl<S: Secondary> Gatherer<'_, S> {
     pub(crate) fn gather(&self, surface: &Surface, frame: &Frame, n: usize, key: u64, rays: &mut RayCounts) -> Samples {
         let mut samples = Samples::new(n);
         for texel in 0..n * n {
-            let mut sampler = Sampler::new(self.seed, key, u32::try_from(texel).expect("n <= 64"));
+            let mut sampler = Sampler::new(self.seed, hash_pair(key, texel as u64), 0);
             samples.set_jitter(texel, sampler.next_2d());
             let wi = frame.to_world(samples.direction(texel));
             let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
@@ -46,13 +46,14 @@ impl<S: Secondary> Gatherer<'_, S> {
     fn refine_rims(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
         let n = samples.resolution();
         let is_sky: Vec<bool> = samples.distance.iter().map(|d| d.is_infinite()).collect();
+        // By its neighbours alone: if its own ray had a say, the mean would be biased.
         let is_rim = |texel: usize| {
             let (i, j) = (texel % n, texel / n);
-            let differs = |other: usize| is_sky[other] != is_sky[texel];
-            (i > 0 && differs(texel - 1))
-                || (i + 1 < n && differs(texel + 1))
-                || (j > 0 && differs(texel - n))
-                || (j + 1 < n && differs(texel + n))
+            let around = (j.saturating_sub(1)..(j + 2).min(n))
+                .flat_map(|y| (i.saturating_sub(1)..(i + 2).min(n)).map(move |x| y * n + x));
+            let mut others = around.filter(|&other| other != texel).map(|other| is_sky[other]);
+            let first = others.next();
+            others.any(|sky| Some(sky) != first)
         };
         for texel in (0..n * n).filter(|&texel| is_rim(texel)) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);

@@ -171,7 +171,6 @@ impl Elements {
             let uv = Vec2::new(i as f32, j as f32) / n as f32;
             let direction = hemimap::square_to_cosine_hemisphere(uv);
             let corner = corner_point(direction, block, range);
-            let corner = if block.is_infinite() { corner } else { welded(corner, direction, samples, (i, j)) };
             self.x[k][e] = corner.x;
             self.y[k][e] = corner.y;
             self.z[k][e] = corner.z;
@@ -214,32 +213,6 @@ fn corner_point(direction: Vec3A, block: &Block, (nearest, farthest): (f32, f32)
     let normal = block.normal();
     let t = if normal == Vec3A::ZERO { farthest } else { plane_distance(block.centre(), normal, direction) };
     direction * t.clamp(nearest / STRETCH, farthest * STRETCH).min(FARTHEST)
-}
-
-/// Moves a corner to the mean of where the planes of the texels around its grid point, if they are about there, put it.
-///
-/// On a curved surface each texel has a plane of its own, and elements that end at planes of their own leave cracks between them when
-/// the point moves; what is behind would shine through. Texels beside each other on one surface so end at the same place.
-fn welded(corner: Vec3A, direction: Vec3A, samples: &Samples, (i, j): (usize, usize)) -> Vec3A {
-    /// Planes that are farther apart than this share of the distance belong to different surfaces.
-    const APART: f32 = 0.15;
-    let n = samples.resolution();
-    let t = corner.length();
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (x, y) in [(i.wrapping_sub(1), j.wrapping_sub(1)), (i, j.wrapping_sub(1)), (i.wrapping_sub(1), j), (i, j)] {
-        if x >= n || y >= n {
-            continue;
-        }
-        let texel = y * n + x;
-        if samples.distance[texel].is_finite() {
-            let other = plane_distance(samples.point(texel), samples.normal[texel].into(), direction);
-            if (other - t).abs() <= APART * t {
-                sum += other;
-                count += 1.0;
-            }
-        }
-    }
-    if count > 0.0 { direction * (sum / count) } else { corner }
 }
 
 /// A side of an element is a silhouette if it is one for any of the texels along it.
