@@ -386,14 +386,14 @@ fn key(surface: &Surface, width: f32) -> u64 {
     let cube: IVec3 = (surface.p / width).floor().as_ivec3();
     let n = surface.ng;
     let a = n.abs();
-    let axis = if a.x >= a.y && a.x >= a.z {
-        0
+    let (axis, along) = if a.x >= a.y && a.x >= a.z {
+        (0, n.x)
     } else if a.y >= a.z {
-        1
+        (1, n.y)
     } else {
-        2
+        (2, n.z)
     };
-    let side = axis * 2 + u64::from(n[axis as usize] > 0.0);
+    let side = axis * 2 + u64::from(along > 0.0);
     let bits = |x: i32| u64::from(x.cast_unsigned()) & 0x1f_ffff;
     hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1
 }
@@ -433,8 +433,7 @@ impl Table {
     /// The slot of a key, or the free one where it belongs.
     fn slot(&self, key: u64) -> usize {
         let mask = self.slots.len().wrapping_sub(1);
-        #[expect(clippy::cast_possible_truncation, reason = "masked")]
-        let mut slot = (key >> 8) as usize & mask;
+        let mut slot = usize::try_from((key >> 8) & mask as u64).expect("masked to an index");
         while let Some(&(found, _)) = self.slots.get(slot)
             && found != 0
             && found != key

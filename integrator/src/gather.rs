@@ -153,6 +153,6 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
 /// Rays through a texel at the rim of the sky, beside the first.
 const RIM_RAYS: u32 = 8;
 /// Keeps the random numbers of rims apart from those of records.
-const RIM_STREAM: u64 = 0x7269_6d;
+const RIM_STREAM: u64 = 0x0072_696d;
 /// Keeps the random numbers of hole rays apart from those of records.
 const HOLE_STREAM: u64 = 0x686f_6c65;

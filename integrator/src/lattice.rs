@@ -113,7 +113,7 @@ impl Lattice {
 
 /// Whether a column or row is on the lattice: the last one is on each.
 fn on_lattice(x: usize, stride: usize, len: usize) -> bool {
-    x % stride == 0 || x + 1 == len
+    x.is_multiple_of(stride) || x + 1 == len
 }
 
 /// The cell of width `stride` around a place: its ends, and how far the place is from the first, 0 to 1.

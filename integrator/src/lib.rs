@@ -23,7 +23,7 @@ mod terms;
 
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
-pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings};
+pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};
 pub use render::{Rendering, render, render_with};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};

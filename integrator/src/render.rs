@@ -8,8 +8,8 @@ use scene::{Scene, Surface};
 use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::plan::Plan;
 use crate::{
-    Film, Method, PhotonMaps, PhotonSettings, Progress, Secondary, SecondaryKind, Settings, SettingsError, SkySplit,
-    Statistics, four_terms, hash_pair, path,
+    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, Secondary, SecondaryKind, Settings,
+    SettingsError, SkySplit, Statistics, four_terms, hash_pair, path,
 };
 
 /// A finished picture and what it took.
@@ -45,9 +45,10 @@ pub fn render(
             let sky = sky.as_ref();
             let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
             if plan.secondary == SecondaryKind::Photons {
-                four_terms::render(scene, settings, &plan, &maps, sky, &mut statistics, progress)
+                let source = PhotonSource { maps: &maps, scene };
+                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress)
             } else {
-                let caustic = |surface: &Surface| maps.caustic_irradiance(surface.p, surface.ng);
+                let caustic = |surface: &Surface| maps.covered_caustic_irradiance(scene, surface.p, surface.ng);
                 let cells = statistics.time("cells", |statistics| {
                     solve_cells(scene, settings, &plan, sky, caustic, statistics, progress)
                 });

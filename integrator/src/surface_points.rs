@@ -42,8 +42,9 @@ pub(crate) struct PixelPoints {
 
 /// Mirrors and glass seen by a primary ray split it in both branches so often; beyond, one is chosen.
 const MAX_SPLITS: u32 = 2;
-/// A primary ray passes at most so many mirrors and boundaries.
-const MAX_CHAIN: u32 = 64;
+/// From so many mirrors and boundaries on, roulette ends a primary ray even if it carries much; and it passes at most so many.
+const LONG_CHAIN: u32 = 16;
+const MAX_CHAIN: u32 = 1000;
 /// Branches that carry less than this are ended by roulette.
 const MIN_THROUGHPUT: f32 = 0.01;
 /// Samples whose normals differ by more are different surfaces.
@@ -190,7 +191,8 @@ impl<S: Secondary> Primary<'_, S> {
                 continue;
             }
             let mut beta = beta * sample.weight / chance;
-            let survival = (beta.max_element() / MIN_THROUGHPUT).min(1.0);
+            let limit = if from.bounces < LONG_CHAIN { 1.0 } else { 0.95 };
+            let survival = (beta.max_element() / MIN_THROUGHPUT).min(limit);
             let roulette = if way == 0 { u.y } else { 1.0 - u.y };
             if roulette >= survival {
                 continue;

@@ -38,6 +38,16 @@ pub(super) enum Kernel {
     Epanechnikov,
 }
 
+impl Kernel {
+    /// What a photon counts at this square of its distance, as a share of the radius.
+    pub(super) fn weight(self, distance_sq: f32) -> f32 {
+        match self {
+            Self::Constant => 1.0,
+            Self::Epanechnikov => 2.0 * (1.0 - distance_sq),
+        }
+    }
+}
+
 /// An irradiance estimated from photons.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Irradiance {
@@ -90,11 +100,7 @@ impl PhotonMap {
             let offset = Vec3A::from(self.photons.positions[index]) - p;
             let is_here = self.photons.normals[index].dot(n) > SAME_NORMAL && offset.dot(n).abs() < SAME_PLANE * radius;
             if is_here {
-                let weight = match kernel {
-                    Kernel::Constant => 1.0,
-                    Kernel::Epanechnikov => 2.0 * (1.0 - photon.distance / radius_sq),
-                };
-                flux += self.photons.flux[index] * weight;
+                flux += self.photons.flux[index] * kernel.weight(photon.distance / radius_sq);
             }
         }
         let area = PI * radius_sq;

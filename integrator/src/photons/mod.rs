@@ -142,6 +142,20 @@ impl PhotonMaps {
         self.caustic.as_ref().map_or(Vec3::ZERO, |map| map.irradiance(p, n, Kernel::Epanechnikov).irradiance)
     }
 
+    /// [`Self::caustic_irradiance`] divided by the share of its disc that is surface, found with a few short rays, so that it is not too
+    /// dark beside edges.
+    #[must_use]
+    pub fn covered_caustic_irradiance(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> Vec3 {
+        let Some(map) = &self.caustic else { return Vec3::ZERO };
+        let estimate = map.irradiance(p, n, Kernel::Epanechnikov);
+        if estimate.irradiance == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let bits = p.to_array().map(|x| u64::from(x.to_bits()));
+        let seed = hash_pair(hash_pair(bits[0], bits[1]), bits[2]);
+        estimate.irradiance / covered_share(scene, p, n, estimate.radius, Kernel::Epanechnikov, seed)
+    }
+
     /// Whether there is any caustic light to look up.
     #[must_use]
     pub fn has_caustics(&self) -> bool {
@@ -182,7 +196,7 @@ impl PhotonMaps {
                 let mut estimate = map.irradiance(p, normal, Kernel::Constant);
                 if estimate.irradiance != Vec3::ZERO {
                     let stream = hash_pair(seed, index as u64);
-                    estimate.irradiance /= covered_share(scene, p, normal, estimate.radius, stream);
+                    estimate.irradiance /= covered_share(scene, p, normal, estimate.radius, Kernel::Constant, stream);
                 }
                 (position, normal, estimate)
             })
@@ -192,13 +206,22 @@ impl PhotonMaps {
     }
 }
 
-impl Secondary for PhotonMaps {
+/// Photon maps as the light at secondary hits.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotonSource<'a> {
+    /// The maps.
+    pub maps: &'a PhotonMaps,
+    /// The scene in which they were shot.
+    pub scene: &'a Scene,
+}
+
+impl Secondary for PhotonSource<'_> {
     fn irradiance(&self, surface: &Surface) -> Option<Known> {
-        let found = self.global_irradiance(surface.p, surface.ng)?;
+        let found = self.maps.global_irradiance(surface.p, surface.ng)?;
         Some(Known { direct: None, indirect: found.irradiance, resolution: found.radius })
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        Self::caustic_irradiance(self, surface.p, surface.ng)
+        self.maps.covered_caustic_irradiance(self.scene, surface.p, surface.ng)
     }
 }

@@ -180,6 +180,12 @@ pub fn record(
 /// Rays from a point.
 pub struct Rays<F>(pub Vec3A, pub F);
 
+impl<F> std::fmt::Debug for Rays<F> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Rays").field(&self.0).finish_non_exhaustive()
+    }
+}
+
 impl<F: Fn(Vec3A, Vec3A) -> Seen> Tracer for Rays<F> {
     fn trace(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
         for (wi, out) in wi.iter().zip(out) {
