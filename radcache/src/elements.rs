@@ -169,8 +169,8 @@ impl Elements {
         let corners = [(i0, j0), (i0 + w, j0), (i0 + w, j0 + h), (i0, j0 + h)];
         for (k, (i, j)) in corners.into_iter().enumerate() {
             let uv = Vec2::new(i as f32, j as f32) / n as f32;
-            let direction = hemimap::square_to_cosine_hemisphere(uv);
-            let corner = corner_point(direction, block, range);
+            let range = distances_around(samples, block, (i, j), range);
+            let corner = corner_point(hemimap::square_to_cosine_hemisphere(uv), block, range);
             self.x[k][e] = corner.x;
             self.y[k][e] = corner.y;
             self.z[k][e] = corner.z;
@@ -197,13 +197,32 @@ fn narrow(share: f64) -> f32 {
     share as f32
 }
 
+/// The range of the distances of the block and of the texels around a grid point that lie on its plane.
+fn distances_around(
+    samples: &Samples,
+    block: &Block,
+    (i, j): (usize, usize),
+    (nearest, farthest): (f32, f32),
+) -> (f32, f32) {
+    /// Off the plane by less than this share of the distance, a texel runs on from the block.
+    const ON_PLANE: f32 = 0.05;
+    let n = samples.resolution();
+    let around = [(i.wrapping_sub(1), j.wrapping_sub(1)), (i, j.wrapping_sub(1)), (i.wrapping_sub(1), j), (i, j)];
+    let texels = around.into_iter().filter(|&(x, y)| x < n && y < n).map(|(x, y)| y * n + x);
+    texels.filter(|&texel| samples.distance[texel].is_finite()).fold((nearest, farthest), |(lo, hi), texel| {
+        let distance = samples.distance[texel];
+        let off = block.normal().dot(samples.point(texel) - block.centre()).abs();
+        if off <= ON_PLANE * distance { (lo.min(distance), hi.max(distance)) } else { (lo, hi) }
+    })
+}
+
 /// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity.
 ///
-/// A plane seen at a grazing angle runs off to infinity inside one texel, so the distance stays within a factor of the range
-/// that its rays found.
+/// The plane of a surface that curves away, or of one seen at a grazing angle, runs far beyond it, so the distance stays within those
+/// that rays found around the corner. Elements that reach farther would cover too much once the point moves.
 fn corner_point(direction: Vec3A, block: &Block, (nearest, farthest): (f32, f32)) -> Vec3A {
-    /// A texel next to the horizon of a plane spans about this factor in distance on either side of its centre.
-    const STRETCH: f32 = 2.0;
+    /// A little room for what lies between the rays.
+    const STRETCH: f32 = 1.1;
     /// Metres; the square of what is farther is no number of f32, and would make none of what is computed from it.
     const FARTHEST: f32 = 1e15;
     if block.is_infinite() {

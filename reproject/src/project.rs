@@ -94,26 +94,21 @@ impl Workspace {
             return;
         }
         let owner = u16::try_from(e).expect("at most 64 x 64 elements");
-        let (mut seen, mut hidden) = (0, 0);
-        for j in rows.clone() {
-            let (bits, closed) = (self.bits[j], self.masks.closed(j));
-            let open = bits & !closed;
-            seen |= open;
-            hidden |= bits & closed;
+        let (mut taken, mut covered) = (0, 0);
+        for j in rows {
+            let bits = self.bits[j];
             // Where two elements of a layer meet on a texel, the first keeps it.
-            let fresh = open & !self.layer_fill[j];
-            self.layer_fill[j] |= open;
+            let fresh = bits & !(self.masks.closed(j) | self.layer_fill[j]);
+            self.layer_fill[j] |= fresh;
+            taken += fresh.count_ones();
+            covered += bits.count_ones();
             own(&mut self.owner[j * self.n..], fresh, owner);
         }
-        if seen != 0 {
-            let count = |rows: std::ops::Range<usize>, mask: &dyn Fn(usize) -> u64| -> f32 {
-                rows.map(|j| (self.bits[j] & mask(j)).count_ones()).sum::<u32>() as f32
-            };
-            let visible = || count(rows.clone(), &|j| !self.masks.closed(j));
+        if taken != 0 {
             self.weight[e] = match settings.weights {
-                AreaWeights::Analytic if hidden == 0 => area / chance(place, self.n),
-                AreaWeights::Analytic => area / chance(place, self.n) * visible() / count(rows.clone(), &|_| u64::MAX),
-                AreaWeights::Bits => visible() / (self.n * self.n) as f32,
+                AreaWeights::Analytic if taken == covered => area,
+                AreaWeights::Analytic => area * taken as f32 / covered as f32,
+                AreaWeights::Bits => taken as f32 / (self.n * self.n) as f32,
             };
         }
     }
@@ -163,17 +158,6 @@ impl Workspace {
         self.filled_sum = [Vec3::from_array(near), Vec3::new(r, g, b)];
         self.filled_weight = weight;
     }
-}
-
-/// The chance that a quadrilateral covers any texel centre, where it lies at random on the grid: about the product of its extents
-/// in texels, each at most 1. What covers none counts for nothing, so what does must count for as much more; without this,
-/// elements that shrank would be lost and the picture would lean to those that grew.
-#[inline]
-fn chance(place: &[Vec2; 4], n: usize) -> f32 {
-    let across = (place[1] + place[2] - place[0] - place[3]).abs().max_element();
-    let along = (place[2] + place[3] - place[0] - place[1]).abs().max_element();
-    let half = 0.5 * n as f32;
-    (across * half).min(1.0) * (along * half).min(1.0)
 }
 
 /// Gives the texels of a row whose bits are set to an element. In runs of a fixed length without a branch on the bits.
