@@ -34,6 +34,10 @@ impl<S: Secondary> Gatherer<'_, S> {
             samples.view_dependent[texel] = found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
         }
         settle_highlights(&mut samples);
+        // Below its own surface a record saw nothing, but another point may.
+        for texel in 0..n * n {
+            samples.view_dependent[texel] |= frame.to_world(samples.direction(texel)).dot(surface.ng) <= 0.0;
+        }
         rays.gather += (n * n) as u64;
         if self.sky.is_some() {
             self.refine_rims(surface, frame, &mut samples, key, rays);

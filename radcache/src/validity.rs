@@ -9,7 +9,8 @@ use crate::{Record, Samples};
 pub struct Validity {
     /// Reach as a share of the harmonic mean distance (Ward, Rubinstein, Clear 1988).
     pub spacing: f32,
-    /// Smallest reach: without it records crowd together in corners, where the harmonic mean goes to zero.
+    /// Smallest reach that is of use, such as a part of a pixel: a record that would reach less, in a crease or a corner, reaches nobody.
+    /// Stretching it instead lets it reach across things that are smaller than that, and light leaks into the crease.
     pub min_radius: f32,
     /// Largest reach.
     pub max_radius: f32,
@@ -38,7 +39,7 @@ impl Default for Validity {
 impl Validity {
     /// The reach of a record with these samples: 0 for one that must not serve anybody.
     ///
-    /// It never exceeds the distance to the nearest hit beyond the smallest radius, so that it cannot reach through a wall.
+    /// It never exceeds the distance to the nearest hit, so that it cannot reach through a wall.
     #[must_use]
     pub fn radius(&self, samples: &Samples) -> f32 {
         if self.refuses(samples) {
@@ -48,7 +49,7 @@ impl Validity {
         const NEAREST_SHARE: f32 = 0.9;
         let nearest = NEAREST_SHARE * samples.nearest_distance();
         let reach = (self.spacing * samples.harmonic_distance()).min(nearest);
-        reach.max(self.min_radius).min(self.max_radius)
+        if reach < self.min_radius { 0.0 } else { reach.min(self.max_radius) }
     }
 
     /// Whether the samples started outside the geometry: too many rays ended at once.
@@ -98,9 +99,17 @@ mod tests {
     }
 
     #[test]
+    fn a_record_in_a_crease_reaches_nobody() {
+        let crease = Samples::from_fn(16, |wi| (Vec3::ONE, if wi.x > 0.0 { 0.01 / wi.x } else { 5.0 }, Vec3A::NEG_X));
+        let rules = Validity { min_radius: 0.02, ..Validity::default() };
+        assert_eq!(rules.radius(&crease), 0.0, "less than is of use");
+        assert!(Validity { min_radius: 0.005, ..rules }.radius(&crease) > 0.0, "a finer picture has use for it");
+    }
+
+    #[test]
     fn records_that_start_outside_are_refused() {
         let seam = Samples::from_fn(16, |wi| (Vec3::ONE, if wi.x > 0.0 { 1e-7 } else { 5.0 }, -wi));
         let rules = Validity { touching_distance: 1e-5, min_radius: 0.2, ..Validity::default() };
-        assert_eq!(rules.radius(&seam), 0.0, "refused in spite of the smallest radius");
+        assert_eq!(rules.radius(&seam), 0.0, "refused");
     }
 }

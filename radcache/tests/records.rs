@@ -128,9 +128,10 @@ fn record_outside_the_geometry_is_refused() {
     assert_eq!(index.len(), 1, "but it is counted");
 }
 
-/// Records along a floor towards a wall: their reach shrinks with the distance, but not below what is set.
+/// Records along a floor towards a wall: their reach shrinks with the distance and never passes the wall; nearer than is of use they reach
+/// nobody, so the strip of pixels beside the seam does without them instead of crowding it.
 #[test]
-fn corner_radius_does_not_reach_zero() {
+fn records_do_not_cluster_in_corners() {
     let radius = |x: f32, validity: &Validity| {
         let wall = |wi: Vec3A| (Vec3::ONE, if wi.x > 0.0 { x / wi.x } else { f32::INFINITY }, Vec3A::NEG_X);
         Record::new(Vec3A::ZERO, FRAME, Samples::from_fn(32, wall), &RecordSettings::default(), validity).radius()
@@ -139,20 +140,17 @@ fn corner_radius_does_not_reach_zero() {
     let mut last = f32::INFINITY;
     for x in [1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-4, 1e-6] {
         let found = radius(x, &rules);
-        assert!(found <= last && found >= 0.01, "{x} from the wall: {found}");
-        assert!(found <= x.max(0.01), "{x} from the wall it does not reach through: {found}");
+        assert!(found <= last && (found >= 0.01 || found == 0.0), "{x} from the wall: {found}");
+        assert!(found <= x, "{x} from the wall it does not reach through: {found}");
+        assert_eq!(found == 0.0, x <= 0.01, "{x} from the wall: {found}");
         last = found;
     }
-    let count = |step: &dyn Fn(f32) -> f32| {
-        let (mut x, mut count) = (1e-5, 0);
-        while x < 0.1 {
-            x += 2.0 * step(x);
-            count += 1;
-        }
-        count
-    };
-    let corner = count(&|x| radius(x, &rules));
-    assert!(corner <= 6, "{corner} records in the last 10 cm, where 0.01 everywhere would take 5");
+    let (mut x, mut count) = (0.012f32, 0);
+    while x < 0.1 && count < 100 {
+        x += 2.0 * radius(x, &rules);
+        count += 1;
+    }
+    assert!(count <= 6, "{count} records in the last 10 cm, where 0.01 everywhere would take 5");
 }
 
 #[test]

@@ -23,6 +23,12 @@ impl Workspace {
     /// made unknown counts from the next layer on (paper, section 5.3). An element that is seen from behind, or whose radiance
     /// depends on the view, fills nothing and makes unknown what it covers: the record knows only its front, from its own place.
     pub fn project(&mut self, record: &Record, p: Vec3A, n: Vec3A, settings: &Settings) -> Shares {
+        self.project_above(record, p, n, n, settings)
+    }
+
+    /// [`Self::project`] to a point whose surface has the unit normal `ng`, while `n` is that of its shading: what lies below the surface
+    /// is filled with black, as nothing comes from there whatever the record saw.
+    pub fn project_above(&mut self, record: &Record, p: Vec3A, n: Vec3A, ng: Vec3A, settings: &Settings) -> Shares {
         self.place(record, p, n);
         let elements = record.elements();
         let padded = elements.padded_len();
@@ -34,6 +40,7 @@ impl Workspace {
         self.owner.clear();
         self.owner.resize(self.n * self.n + RUN, NOBODY);
         self.masks.reset(self.n);
+        let buried = self.bury(ng);
         project_corners(elements, &self.rotation, self.offset, &mut self.u, &mut self.v, &mut self.z);
         for layer in 0..elements.layer_count() {
             let layer = elements.layer(layer);
@@ -52,6 +59,7 @@ impl Workspace {
             self.masks.end_layer(&mut self.layer_fill, &mut self.trail);
         }
         self.sum_elements(elements);
+        self.filled_weight += buried as f32 / (self.n * self.n) as f32;
         self.holes.clear();
         self.traced.clear();
         let texels = (self.n * self.n) as f32;
@@ -73,6 +81,27 @@ impl Workspace {
             let column = |axis| self.frame.to_local(axis);
             self.rotation = Mat3A::from_cols(column(frame.s), column(frame.t), column(frame.n));
         }
+    }
+
+    /// Fills the texels below the surface of unit normal `ng` with nobody; gives their number.
+    fn bury(&mut self, ng: Vec3A) -> u32 {
+        /// A horizon so little inclined goes through no centre of a texel.
+        const ALIKE: f32 = 1e-5;
+        let ng = self.frame.to_local(ng);
+        if 1.0 - ng.z <= ALIKE {
+            return 0;
+        }
+        let mut buried = 0;
+        for j in 0..self.n {
+            for i in 0..self.n {
+                let centre = (Vec2::new(i as f32, j as f32) + 0.5) / self.n as f32;
+                if hemimap::square_to_cosine_hemisphere(centre).dot(ng) <= 0.0 {
+                    self.masks.fill[j] |= 1 << i;
+                    buried += 1;
+                }
+            }
+        }
+        buried
     }
 
     /// Sets the bits of one element and finds its weight.

@@ -162,12 +162,12 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             // Spread over the picture, so that the records of a batch seldom serve each other's place.
             missing.sort_by_key(|&number| hash(points[number].key));
             let batch = missing.len().min((missing.len() / BATCH_SHARE).max(MIN_BATCH));
-            let made: Vec<(Record, Incident, RayCounts)> = missing[..batch]
+            let made: Vec<(Option<Record>, Incident, RayCounts)> = missing[..batch]
                 .par_iter()
                 .map_init(Vec::new, |weights, &number| self.make_record(&points[number], weights))
                 .collect();
             for (&number, (record, incident, rays)) in missing.iter().zip(made) {
-                index.extend([record]);
+                index.extend(record);
                 values[number] = Some(incident);
                 counts.rays += rays;
                 counts.gathered += 1;
@@ -185,7 +185,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let Some(found) = index.best(surface.p, surface.n) else { return Answer::Missing(tracer.rays) };
         let record = index.record(found.record);
         let Buffers { workspace, weights } = buffers;
-        let shares = workspace.project(record, surface.p, surface.n, &self.plan.reproject);
+        let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.reproject);
         if !self.is_verified(workspace, record, point, &mut tracer) {
             return Answer::Missing(tracer.rays);
         }
@@ -224,14 +224,22 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         share(workspace.verify(record, 2 * side, point.key, tracer)) < REFUSED
     }
 
-    fn make_record(&self, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> (Record, Incident, RayCounts) {
+    /// The light of a point by a gather, and the record that comes of it, if that would reach anybody.
+    fn make_record(&self, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> (Option<Record>, Incident, RayCounts) {
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
+        let validity: Validity = self.plan.validity(point.footprint, self.scene_size);
+        // A first look with a quarter of the rays is enough for a point in a crease, whose record would serve nobody.
+        let look = self.gatherer.gather(surface, &frame, self.plan.n.div_ceil(2), hash(point.key), &mut rays);
+        if validity.radius(&look) <= 0.0 {
+            let incident = self.of_samples(&look, &frame, point, weights);
+            return (None, incident, rays);
+        }
         let samples = self.gatherer.gather(surface, &frame, self.plan.n, point.key, &mut rays);
         let incident = self.of_samples(&samples, &frame, point, weights);
-        let validity: Validity = self.plan.validity(point.footprint, self.scene_size);
-        (Record::new(surface.p, frame, samples, &self.plan.record, &validity), incident, rays)
+        let record = Record::new(surface.p, frame, samples, &self.plan.record, &validity);
+        (Some(record), incident, rays)
     }
 
     /// The light of a point that has samples of its own.
