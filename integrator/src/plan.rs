@@ -70,7 +70,7 @@ impl Plan {
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
             spacing: study.spacing.unwrap_or(0.3),
-            agreement: study.agreement.unwrap_or_else(|| (0.1 / quality.sqrt()).clamp(0.01, 0.3)),
+            agreement: study.agreement.unwrap_or_else(|| (0.05 / quality.sqrt()).clamp(0.01, 0.3)),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
                 trails: study.trails(),

@@ -126,10 +126,11 @@ impl Workspace {
         let (mut taken, mut covered) = (0, 0);
         for j in rows {
             let bits = self.bits[j];
+            let open = bits & !self.masks.closed(j);
             // Where two elements of a layer meet on a texel, the first keeps it.
-            let fresh = bits & !(self.masks.closed(j) | self.layer_fill[j]);
-            self.layer_fill[j] |= fresh;
-            taken += fresh.count_ones();
+            let fresh = open & !self.layer_fill[j];
+            self.layer_fill[j] |= open;
+            taken += open.count_ones();
             covered += bits.count_ones();
             own(&mut self.owner[j * self.n..], fresh, owner);
         }
