@@ -48,7 +48,7 @@ fn moves(scene: &Scene, n: usize, count: u64) -> impl Iterator<Item = (Record, V
     (0..count).map(move |k| {
         let from = Vec3A::new(1.6 * uniform(3 * k) - 0.8, 1.6 * uniform(3 * k + 1) - 0.8, -0.999);
         let record = record_in(|p, wi| scene.look(p, wi), from, FRAME, n, &RecordSettings::default());
-        let (sin, cos) = (6.28 * uniform(3 * k + 2)).sin_cos();
+        let (sin, cos) = (std::f32::consts::TAU * uniform(3 * k + 2)).sin_cos();
         let to = from + Vec3A::new(cos, sin, 0.0) * (0.5 * record.radius());
         (record, to)
     })
@@ -66,13 +66,14 @@ struct Opened {
 }
 
 /// The record with the elements of each layer in another order.
-fn shuffled(record: &Record, seed: u64) -> Record {
-    let mut open: Opened = postcard::from_bytes(&postcard::to_stdvec(record).unwrap()).unwrap();
+fn shuffled(record: &Record, seed: usize) -> Record {
+    let bytes = postcard::to_stdvec(record).expect("a record is bytes");
+    let mut open: Opened = postcard::from_bytes(&bytes).expect("in this layout");
     let elements = &mut open.elements;
     for layer in 0..elements.layer_count() {
         let range = elements.layer(layer);
         for a in range.clone() {
-            let b = range.start + (uniform(seed + a as u64) * range.len() as f32) as usize;
+            let b = range.start + (seed + 7919 * a) % range.len();
             let floats = elements.x.iter_mut().chain(&mut elements.y).chain(&mut elements.z);
             floats.chain(&mut elements.radiance).chain([&mut elements.finite]).for_each(|list| list.swap(a, b));
             elements.start.swap(a, b);
@@ -81,7 +82,8 @@ fn shuffled(record: &Record, seed: u64) -> Record {
             elements.view_dependent.swap(a, b);
         }
     }
-    postcard::from_bytes(&postcard::to_stdvec(&open).unwrap()).unwrap()
+    let bytes = postcard::to_stdvec(&open).expect("bytes again");
+    postcard::from_bytes(&bytes).expect("of the same layout")
 }
 
 #[test]
