@@ -46,6 +46,13 @@ impl Secondary for NoSecondary {
 /// From this bounce on, paths are ended by roulette.
 const ROULETTE_START: u32 = 2;
 
+/// Most that roulette lets a bounce survive which follows paths because nothing is known: these recurse, and white surfaces would take
+/// them deeper than the stack of a thread.
+const MAX_SURVIVAL: f32 = 0.75;
+
+/// No path branches off at its surfaces more often than this: a stack of a thread holds them.
+const MAX_DEPTH: u32 = 100;
+
 /// No path is longer, whatever the materials say.
 const MAX_BOUNCES: u32 = 1000;
 
@@ -84,23 +91,16 @@ impl<S: Secondary> Follower<'_, S> {
     /// Radiance that the surface met by `ray` sends back along it, without what it emits, and without light that came there by
     /// mirrors or glass alone: that is the caustic of the point that gathers.
     pub(crate) fn reflected(&self, ray: &Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        self.follow(ray, surface, sampler, rays, true)
+        self.follow(ray, surface, sampler, rays, 0)
     }
 
-    fn follow(
-        &self,
-        ray: &Ray,
-        surface: Surface,
-        sampler: &mut Sampler,
-        rays: &mut RayCounts,
-        may_refine: bool,
-    ) -> Vec3 {
+    fn follow(&self, ray: &Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts, depth: u32) -> Vec3 {
         let mut shading = Shading::new(self.scene, surface, ray.direction);
         let mut beta = self.scene.transmittance(&shading.surface);
         let mut radiance = Vec3::ZERO;
         let mut path_length = shading.surface.t;
         // Only resolvable from afar: the first hit, or one seen through mirrors.
-        let mut may_refine = may_refine;
+        let mut may_refine = depth == 0;
         // How the last glossy bounce may count what it meets by itself: its density, and from where.
         let mut glossy: Option<(Surface, f32)> = None;
         for bounce in 1..MAX_BOUNCES {
@@ -122,7 +122,7 @@ impl<S: Secondary> Follower<'_, S> {
                 let irradiance = known.direct.unwrap_or_default() + known.indirect;
                 radiance += beta * bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI;
             } else if bsdf.has_diffuse() {
-                radiance += beta * self.diffuse_bounce(&shading, may_refine, sampler, rays);
+                radiance += beta * self.diffuse_bounce(&shading, beta, may_refine, depth, sampler, rays);
             }
             // The specular part goes on as a path.
             let u = sampler.next_4d();
@@ -185,11 +185,23 @@ impl<S: Secondary> Follower<'_, S> {
     }
 
     /// What the diffuse part reflects of light that was reflected before, one bounce further. `refines` says that the bounce was
-    /// chosen for its resolution, so that the next one may be looked up; else nothing is known and roulette decides.
-    fn diffuse_bounce(&self, shading: &Shading, refines: bool, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+    /// chosen for its resolution, so that the next one may be looked up; else nothing is known and roulette decides by what the path
+    /// carries, `beta`: every lobe goes on, and only so the branches stay fewer than one for each.
+    fn diffuse_bounce(
+        &self,
+        shading: &Shading,
+        beta: Vec3,
+        refines: bool,
+        depth: u32,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        if depth >= MAX_DEPTH {
+            return Vec3::ZERO;
+        }
         let albedo = shading.bsdf.diffuse;
         let u = sampler.next_4d();
-        let survival = if refines { 1.0 } else { albedo.max_element().min(0.95) };
+        let survival = if refines { 1.0 } else { (beta * albedo).max_element().min(MAX_SURVIVAL) };
         if u[2] >= survival {
             return Vec3::ZERO;
         }
@@ -204,7 +216,7 @@ impl<S: Secondary> Follower<'_, S> {
                 let surface = self.scene.surface(&next, &hit);
                 // A bounce of its own, so its numbers must not be those of this one.
                 let mut own = sampler.split();
-                incident = self.follow(&next, surface, &mut own, rays, false);
+                incident = self.follow(&next, surface, &mut own, rays, depth + 1);
             }
         }
         albedo * (incident + caustic) / survival
