@@ -283,7 +283,7 @@ pub(crate) fn render(
 ) -> Film {
     let mut film = Film::new(settings.size);
     statistics.spp = settings.path_spp();
-    statistics.memory_bytes = scene.memory_bytes() as u64 + film.memory_bytes();
+    statistics.memory_bytes += film.memory_bytes();
     statistics.time("path", |statistics| {
         let finished = AtomicU32::new(0);
         let tracers: Vec<PathTracer<'_>> = film

@@ -36,7 +36,7 @@ pub fn render(
 ) -> Result<Rendering, SettingsError> {
     settings.validate()?;
     let start = Instant::now();
-    let mut statistics = Statistics::default();
+    let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
     let film = match settings.method {
         Method::Path => path::render(scene, settings, progress, &mut statistics),
         Method::Reproject | Method::Gather => {
@@ -79,7 +79,7 @@ pub fn render_with(
     }
     settings.validate()?;
     let start = Instant::now();
-    let mut statistics = Statistics::default();
+    let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
     let plan = Plan::new(scene, settings);
     let sky = SkySplit::new(scene);
     let film = four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), &mut statistics, progress);

@@ -1,5 +1,7 @@
 //! A scene that rays can ask.
 
+use std::time::Instant;
+
 use freeform::Solid;
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -26,6 +28,7 @@ pub struct Scene {
     camera: Camera,
     bounds: Aabb,
     features: Features,
+    light_seconds: f64,
 }
 
 /// What a scene has, so that what it lacks costs nothing.
@@ -78,10 +81,24 @@ impl Scene {
         let unbounded = (0u32..).zip(&forms).filter(|(_, form)| form.bounds.is_none()).map(|(i, _)| i).collect();
         let bounds = primitives.iter().fold(Aabb::EMPTY, |all, primitive| all.union(primitive.bounds()));
         drop(primitives);
+        let start = Instant::now();
         let lights = Lights::new(triangle_lights(&triangles, &materials), lights, environment, bounds);
+        let light_seconds = start.elapsed().as_secs_f64();
         let features = features(&triangles, &forms, &materials, &lights);
         let camera = camera.unwrap_or_else(|| Camera::framing(bounds));
-        Ok(Self { triangles, forms, unbounded, bvh, materials, textures, lights, camera, bounds, features })
+        Ok(Self {
+            triangles,
+            forms,
+            unbounded,
+            bvh,
+            materials,
+            textures,
+            lights,
+            camera,
+            bounds,
+            features,
+            light_seconds,
+        })
     }
 
     /// Returns the nearest hit in the ray's range.
@@ -260,6 +277,12 @@ impl Scene {
     #[must_use]
     pub fn materials(&self) -> &[Material] {
         &self.materials
+    }
+
+    /// Time that the tables for choosing lights took, seconds: a part of rendering that is done here, once for all pictures.
+    #[must_use]
+    pub fn light_seconds(&self) -> f64 {
+        self.light_seconds
     }
 
     /// Returns the memory held by geometry, tree, textures and lights, bytes; what free forms hold inside is left out.

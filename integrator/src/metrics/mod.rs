@@ -6,6 +6,7 @@
 mod difference;
 mod flip;
 mod ratio;
+mod reference;
 mod rel_mse;
 
 use glam::{UVec2, Vec3};
@@ -13,6 +14,7 @@ use glam::{UVec2, Vec3};
 pub use difference::{DIFFERENCE_RANGE, signed_difference};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, ldr_flip};
 pub use ratio::{RatioOfMeans, ratio_of_means};
+pub use reference::{Batches, Reference};
 pub use rel_mse::{RelMse, exposure, rel_mse};
 
 /// A borrowed picture: linear RGB, rows from the top, `size.x * size.y` pixels.

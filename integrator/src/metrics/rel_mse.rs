@@ -8,7 +8,7 @@
 use super::{Image, MetricsError, finite_pairs, same_size};
 
 /// Keeps black pixels from ruling the mean: a tenth of full scale, squared.
-const EPSILON: f64 = 0.01;
+pub(super) const EPSILON: f64 = 0.01;
 /// The share of pixels that the robust figure leaves out: fireflies, which a viewer would remove.
 const WORST_SHARE: f64 = 0.001;
 /// What the 90th percentile is brought to.
@@ -35,12 +35,19 @@ pub struct RelMse {
 pub fn rel_mse(image: &Image, reference: &Image) -> Result<RelMse, MetricsError> {
     same_size(image, reference)?;
     let exposure = exposure(reference)?;
-    let mut errors: Vec<f64> = finite_pairs(image, reference)
+    let errors: Vec<f64> = finite_pairs(image, reference)
         .map(|(i, r)| {
             let (i, r) = (i.as_dvec3() * exposure, r.as_dvec3() * exposure);
             ((i - r) * (i - r) / (r * r + EPSILON)).element_sum() / 3.0
         })
         .collect();
+    let not_finite = image.pixels().len() - errors.len();
+    let (plain, robust) = summary(errors)?;
+    Ok(RelMse { plain, robust, exposure, not_finite })
+}
+
+/// The mean of the errors of pixels, and that without the worst 0.1 %.
+pub(super) fn summary(mut errors: Vec<f64>) -> Result<(f64, f64), MetricsError> {
     if errors.is_empty() {
         return Err(MetricsError::NothingFinite);
     }
@@ -51,8 +58,7 @@ pub fn rel_mse(image: &Image, reference: &Image) -> Result<RelMse, MetricsError>
     if kept < errors.len() {
         errors.select_nth_unstable_by(kept, f64::total_cmp);
     }
-    let robust = mean(&errors[..kept]);
-    Ok(RelMse { plain, robust, exposure, not_finite: image.pixels().len() - errors.len() })
+    Ok((plain, mean(&errors[..kept])))
 }
 
 /// Returns 0.8 divided by the 90th percentile over the finite pixels of `reference` of (r + g + b) / 3, and 1 where
