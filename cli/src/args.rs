@@ -52,11 +52,38 @@ pub(crate) fn angle(text: &str) -> Result<f32, String> {
     }
 }
 
+/// All methods.
+const METHODS: [Method; 3] = [Method::Reproject, Method::Gather, Method::Path];
+
 /// A method by its name.
 pub(crate) fn method() -> impl TypedValueParser<Value = Method> {
-    const METHODS: [Method; 3] = [Method::Reproject, Method::Gather, Method::Path];
-    PossibleValuesParser::new(METHODS.map(Method::name))
-        .map(|name| METHODS.into_iter().find(|method| method.name() == name).expect("one of the possible values"))
+    PossibleValuesParser::new(METHODS.map(Method::name)).map(|name| named(&name).expect("one of the possible values"))
+}
+
+fn named(name: &str) -> Option<Method> {
+    METHODS.into_iter().find(|method| method.name() == name)
+}
+
+/// A method with settings of its own: a line of a chart.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Variant {
+    /// As it was written.
+    pub(crate) name: String,
+    pub(crate) method: Method,
+    pub(crate) study: Study,
+}
+
+/// A method and perhaps settings for study, `METHOD+NAME=VALUE+NAME=VALUE`.
+pub(crate) fn variant(text: &str) -> Result<Variant, String> {
+    let mut words = text.split('+');
+    let method = words.next().and_then(named).ok_or_else(|| {
+        format!(
+            "write one of {}, perhaps with settings as reproject+coverage=rect",
+            METHODS.map(Method::name).join(", ")
+        )
+    })?;
+    let settings: Vec<StudySetting> = words.map(study).collect::<Result<_, _>>()?;
+    Ok(Variant { name: text.to_owned(), method, study: all_studies(&settings) })
 }
 
 /// A single setting for study, checked.
@@ -154,6 +181,20 @@ mod tests {
         assert_eq!((all.layers, all.all_trails), (Some(32), Some(true)), "the last of a name counts");
         for text in ["layers", "layers=", "speed=2", "trail=some"] {
             assert!(study(text).is_err(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn variants_are_methods_with_settings() {
+        let found = variant("reproject+coverage=rect+trail=all").unwrap();
+        assert_eq!(
+            (found.method, found.study.rectangles, found.study.all_trails),
+            (Method::Reproject, Some(true), Some(true)),
+            "as written"
+        );
+        assert_eq!(variant("path").unwrap().study, Study::default(), "no settings");
+        for text in ["", "magic", "path+", "+coverage=rect", "path+layers=1000"] {
+            assert!(variant(text).is_err(), "{text:?}");
         }
     }
 

@@ -117,6 +117,22 @@ pub(crate) fn exr(film: &Film, picture: &[Vec3], term: Option<Term>, origin: &Or
     Ok(bytes.into_inner())
 }
 
+/// Encodes a picture of float32 with ZIP that is nothing but R, G and B, linear.
+pub(crate) fn plain_exr(size: UVec2, picture: &[Vec3]) -> Result<Vec<u8>, Failure> {
+    let names = ["R", "G", "B"].into_iter().enumerate();
+    let channels = names
+        .map(|(axis, name)| AnyChannel::new(name, FlatSamples::F32(picture.iter().map(|pixel| pixel[axis]).collect())));
+    let channels = AnyChannels::sort(channels.collect());
+    let size = (size.x as usize, size.y as usize);
+    let layer = Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer)
+        .write()
+        .to_buffered(&mut bytes)
+        .map_err(|error| Failure::Run(format!("the EXR cannot be encoded: {error}")))?;
+    Ok(bytes.into_inner())
+}
+
 /// Encodes a picture for a display: multiplied by 2^`exposure`, clamped to [0, 1], then the sRGB curve, 8 bits. Nothing
 /// bends the tones in between, so that equal light stays equal; NaN is black.
 pub(crate) fn png(size: UVec2, picture: &[Vec3], exposure: f32) -> Result<Vec<u8>, Failure> {

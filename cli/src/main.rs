@@ -1,13 +1,14 @@
 //! `freelux`: words and files around the renderer. Each subcommand is one file and one call into the libraries.
 
 mod args;
+mod chart;
 mod compare;
 mod encode;
 mod failure;
 mod files;
 mod images;
 mod info;
-mod memory;
+mod machine;
 mod progress;
 mod render;
 mod summary;
@@ -34,6 +35,7 @@ enum Command {
     Render(render::RenderArgs),
     Compare(compare::CompareArgs),
     Info(info::InfoArgs),
+    Chart(chart::ChartArgs),
 }
 
 fn main() -> ExitCode {
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
             Command::Render(args) => render::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Info(args) => info::run(args),
+            Command::Chart(args) => chart::run(args),
         },
         Err(error) => answer(&error),
     };

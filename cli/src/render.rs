@@ -15,7 +15,7 @@ use crate::encode::{self, Origin, Term};
 use crate::failure::{Failure, print};
 use crate::files;
 use crate::images::{self, Picture};
-use crate::memory;
+use crate::machine;
 use crate::progress::Reporter;
 use crate::summary::Summary;
 
@@ -95,13 +95,17 @@ pub(crate) struct RenderArgs {
 /// Checks all arguments, then renders in a pool of the threads asked for.
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let outputs = args.check()?;
+    pool(args.threads)?.install(|| args.render(&outputs))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// As many threads as were asked for, or one for each processor.
+pub(crate) fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Failure> {
     let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = args.threads {
+    if let Some(threads) = threads {
         pool = pool.num_threads(threads.into());
     }
-    let pool = pool.build().map_err(|error| Failure::Run(format!("the threads cannot be started: {error}")))?;
-    pool.install(|| args.render(&outputs))?;
-    Ok(ExitCode::SUCCESS)
+    pool.build().map_err(|error| Failure::Run(format!("the threads cannot be started: {error}")))
 }
 
 impl RenderArgs {
@@ -178,9 +182,10 @@ impl RenderArgs {
             threads: rayon::current_num_threads(),
             exposure,
             load_seconds,
-            build_seconds,
+            build_seconds: build_seconds - scene.light_seconds(),
+            light_seconds: scene.light_seconds(),
             encode_seconds: start.elapsed().as_secs_f64(),
-            peak_memory_bytes: memory::peak_bytes(),
+            peak_memory_bytes: machine::peak_bytes(),
             statistics: &statistics,
         };
         let to_stdout = self.stats.as_deref() == Some(Path::new("-"));

@@ -26,8 +26,10 @@ pub(crate) struct Summary<'a> {
     pub(crate) exposure: f32,
     /// Reading and checking files.
     pub(crate) load_seconds: f64,
-    /// Building the tree and the tables of lights.
+    /// Building the tree.
     pub(crate) build_seconds: f64,
+    /// Building the tables of lights.
+    pub(crate) light_seconds: f64,
     /// Encoding the pictures.
     pub(crate) encode_seconds: f64,
     /// Largest memory of the whole process so far, bytes; null where the system does not tell.
@@ -62,7 +64,8 @@ impl Summary<'_> {
         );
         table.row("method", head);
 
-        let mut seconds = vec![("load", self.load_seconds), ("build", self.build_seconds)];
+        let mut seconds =
+            vec![("load", self.load_seconds), ("build", self.build_seconds), ("light tables", self.light_seconds)];
         seconds.extend(s.phases.iter().map(|phase| (phase.name.as_str(), phase.seconds)));
         seconds.push(("encode", self.encode_seconds));
         let seconds = seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2}"));
@@ -173,6 +176,7 @@ mod tests {
             exposure: -0.5,
             load_seconds: 0.25,
             build_seconds: 0.5,
+            light_seconds: 0.01,
             encode_seconds: 0.125,
             peak_memory_bytes: Some(123_456_789),
             statistics,
@@ -188,9 +192,12 @@ mod tests {
             ..Statistics::default()
         };
         let table = summary(&statistics).table();
-        for words in
-            ["seconds  load 0.25, build 0.50, photons 1.25, encode 0.12", "camera 1 234 567", "123 MB", "-0.50 EV"]
-        {
+        for words in [
+            "seconds  load 0.25, build 0.50, light tables 0.01, photons 1.25, encode 0.12",
+            "camera 1 234 567",
+            "123 MB",
+            "-0.50 EV",
+        ] {
             assert!(table.contains(words), "{words} in\n{table}");
         }
         for words in ["hole", "hemisphere", "records", "lost"] {

@@ -12,6 +12,7 @@ fn help_and_version_go_to_stdout() {
         ("render --help", "--quality <Q>"),
         ("compare --help", "--diff <FILE.png>"),
         ("info --help", "SCENE|IMAGE"),
+        ("chart --help", "--methods <METHOD,...>"),
         ("--version", concat!("freelux ", env!("CARGO_PKG_VERSION"))),
     ] {
         let run = freelux_words(folder.path(), words);

@@ -1,6 +1,7 @@
 //! The binary as its users see it: exit codes, streams and files.
 
 mod arguments;
+mod chart;
 mod common;
 mod compare;
 #[cfg(target_os = "linux")]

@@ -27,7 +27,7 @@ fn the_commands_of_the_readme_run() {
         assert!(run.code.is_some_and(|code| allowed.contains(&code)), "freelux {line}: {run:?}");
         count += 1;
     }
-    assert!(count >= 6, "only {count} commands are in the README");
-    let pictures = ["box.exr", "box.png", "difference.png", "freelux.exr", "freelux.png", "reference.exr"];
+    assert!(count >= 7, "only {count} commands are in the README");
+    let pictures = ["box.exr", "box.png", "charts", "difference.png", "freelux.exr", "freelux.png", "reference.exr"];
     assert_eq!(names(folder.path()), [&pictures[..], &["scene.mtl", "scene.obj"]].concat(), "the files that it names");
 }

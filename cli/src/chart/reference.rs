@@ -1,0 +1,94 @@
+//! The reference of a chart: given, or made once by the path tracer and kept beside the chart.
+
+use std::path::{Path, PathBuf};
+
+use glam::{UVec2, Vec3};
+use integrator::metrics::{Batches, Image, MetricsError, Reference};
+use integrator::{Method, Settings};
+use scene::Scene;
+
+use crate::encode;
+use crate::failure::{Failure, note};
+use crate::{files, images};
+
+/// Pictures that a reference is joined of, each with random numbers of its own: their spread is its noise.
+const BATCHES: u32 = 16;
+/// Far from the seeds of the pictures that are measured, so that no noise is shared.
+const FIRST_SEED: u64 = 1 << 40;
+
+/// Finds the variance of `reference.exr` in `variance.exr`, and that of any other `x.exr` in `x.variance.exr`.
+fn variance_path(reference: &Path) -> PathBuf {
+    if reference.file_name().is_some_and(|name| name == "reference.exr") {
+        return reference.with_file_name("variance.exr");
+    }
+    reference.with_extension("variance.exr")
+}
+
+/// Reads a reference with its variance, if that is there, and shrinks it to `size`.
+pub(crate) fn read(path: &Path, size: UVec2) -> Result<Reference, Failure> {
+    let picture = images::read(path)?;
+    let refuse = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+    let variance_path = variance_path(path);
+    let variance = if variance_path.exists() { Some(images::read(&variance_path)?) } else { None };
+    if variance.is_none() {
+        note(&format!(
+            "warning: {}: its noise is not known, as there is no {}",
+            path.display(),
+            variance_path.display()
+        ));
+    }
+    let reference = Reference::new(picture.size, picture.pixels, variance.map(|variance| variance.pixels))
+        .map_err(|error| refuse(format!("{error}; its variance must be of the same size")))?;
+    reference.shrunk(size).ok_or_else(|| {
+        let own = reference.size();
+        refuse(format!(
+            "has {} x {} pixels, which are not blocks of {} x {}; choose another --size or reference",
+            own.x, own.y, size.x, size.y
+        ))
+    })
+}
+
+/// Reads the reference that an earlier chart left at `path`, or renders it with `spp` samples a pixel and leaves it there.
+pub(crate) fn kept_or_made(
+    path: &Path,
+    scene: &Scene,
+    name: &str,
+    size: UVec2,
+    spp: u32,
+) -> Result<Reference, Failure> {
+    if path.exists() {
+        return read(path, size);
+    }
+    note(&format!("{name}: rendering the reference by path, {spp} samples a pixel"));
+    let refuse = |error: MetricsError| Failure::Run(format!("{name}: {error}"));
+    let mut batches = Batches::new(size);
+    for batch in 0..BATCHES {
+        let settings = Settings {
+            method: Method::Path,
+            spp: Some(spp.div_ceil(BATCHES)),
+            size,
+            seed: FIRST_SEED + u64::from(batch),
+            ..Settings::default()
+        };
+        let film = integrator::render(scene, &settings, &|_| ()).map_err(Failure::input)?.film;
+        batches.add(&Image::new(size, &film.picture()).map_err(refuse)?).map_err(refuse)?;
+        note(&format!("{name}: reference {} of {BATCHES}", batch + 1));
+    }
+    let reference = batches.mean().map_err(refuse)?;
+    let exr = |pixels: &[Vec3]| encode::plain_exr(size, pixels);
+    let variance = reference.variance().expect("there are several batches");
+    files::write_all(&[(path, exr(reference.image().pixels())?), (&variance_path(path), exr(variance)?)])?;
+    Ok(reference)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_variance_lies_beside_the_reference() {
+        let path = |name: &str| variance_path(Path::new(name)).display().to_string();
+        assert_eq!(path("a/reference.exr"), "a/variance.exr", "as the study has them");
+        assert_eq!(path("a/b.64spp.exr"), "a/b.64spp.variance.exr", "others");
+    }
+}
