@@ -5,6 +5,7 @@ use scene::Scene;
 
 use crate::film::{Band, Film, Terms};
 use crate::gather::Gatherer;
+use crate::irradiance_cache::{self, CacheTerm};
 use crate::lattice::Lattice;
 use crate::plan::Plan;
 use crate::secondary::Secondary;
@@ -35,6 +36,8 @@ pub(crate) fn render<S: Secondary>(
         scene_size: 2.0 * scene.bounds().radius(),
     };
     let mut index = radcache::Index::new(plan.validity(0.0, indirect.scene_size));
+    let cache = CacheTerm::new(&indirect, &plan.cache, settings.size.element_product());
+    let mut irradiance = irradiance_cache::Index::default();
     let mut counts = Counts::default();
     let rows = (BAND_PIXELS / settings.size.x).max(1);
     let bands = film.bands_mut(rows);
@@ -48,6 +51,7 @@ pub(crate) fn render<S: Secondary>(
             Lattice::new(settings.size.x as usize, band.pixel_count() / settings.size.x as usize, all_points(&pixels));
         let values = statistics.time("indirect", |_| match settings.method {
             Method::Gather => indirect.gather_all(lattice.points(), &mut counts),
+            Method::CacheOnly => cache.evaluate(&lattice, &mut irradiance, &mut counts),
             Method::Reproject | Method::Path => indirect.reproject_all(&lattice, &mut index, &mut counts),
         });
         statistics.time("film", |statistics| {
@@ -57,8 +61,8 @@ pub(crate) fn render<S: Secondary>(
     progress(Progress { phase: "indirect", done: 1.0 });
     add_counts(statistics, &counts);
     statistics.spp = plan.spp;
-    statistics.records = index.len() as u64;
-    statistics.memory_bytes += index.memory_bytes() as u64 + film.memory_bytes();
+    statistics.records = (index.len() + irradiance.len()) as u64;
+    statistics.memory_bytes += (index.memory_bytes() + irradiance.memory_bytes()) as u64 + film.memory_bytes();
     film
 }
 

@@ -7,6 +7,7 @@ mod cells;
 mod film;
 mod four_terms;
 mod gather;
+mod irradiance_cache;
 mod lattice;
 mod path;
 mod photons;

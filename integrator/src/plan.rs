@@ -36,6 +36,31 @@ pub(crate) struct Plan {
     pub(crate) min_texture_alpha: f32,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
+    /// The irradiance cache, where that is the method.
+    pub(crate) cache: CachePlan,
+}
+
+/// How the irradiance cache makes its records.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CachePlan {
+    /// Resolution of a gather.
+    pub(crate) n: usize,
+    /// Error that a record may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on all of it.
+    pub(crate) error: f32,
+    /// Smallest radius, pixels.
+    pub(crate) min_pixels: f32,
+}
+
+impl CachePlan {
+    fn new(environment: bool, settings: &Settings) -> Self {
+        let (quality, study) = (settings.quality, &settings.study);
+        let base_n = if environment { 24.0 } else { 20.0 };
+        Self {
+            n: study.resolution.unwrap_or_else(|| round(base_n * quality.sqrt().sqrt(), 8.0, 64.0)) as usize,
+            error: study.error.unwrap_or(1e-4 / quality),
+            min_pixels: 1.5,
+        }
+    }
 }
 
 impl Plan {
@@ -87,6 +112,7 @@ impl Plan {
             },
             min_texture_alpha: 3.0 / n as f32,
             lobe_samples: 128,
+            cache: CachePlan::new(features.environment, settings),
         }
     }
 

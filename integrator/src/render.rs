@@ -39,7 +39,7 @@ pub fn render(
     let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
     let film = match settings.method {
         Method::Path => path::render(scene, settings, progress, &mut statistics),
-        Method::Reproject | Method::Gather => {
+        Method::Reproject | Method::Gather | Method::CacheOnly => {
             let plan = Plan::new(scene, settings);
             let sky = statistics.time("lights", |_| SkySplit::new(scene));
             let sky = sky.as_ref();
@@ -61,7 +61,7 @@ pub fn render(
     Ok(Rendering { film, statistics })
 }
 
-/// As [`render`] by `reproject` or `gather`, with the caller's own solution for the light at the surfaces that gather rays meet, such as
+/// As [`render`] by any other method than [`Method::Path`], with the caller's own solution for the light at the surfaces that gather rays meet, such as
 /// a radiosity solution; it must hold all light there but what it leaves to light sampling (see [`Secondary`]). [`Method::Path`] takes
 /// none and ignores it.
 ///

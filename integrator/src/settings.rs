@@ -27,6 +27,9 @@ pub enum Method {
     Reproject,
     /// Four terms; the indirect light is gathered at every point, without a cache.
     Gather,
+    /// Four terms; the irradiance on diffuse surfaces is gathered at few points and interpolated, with gradients, between them.
+    #[serde(rename = "cache-only")]
+    CacheOnly,
     /// The reference path tracer.
     Path,
 }
@@ -38,6 +41,7 @@ impl Method {
         match self {
             Self::Reproject => "reproject",
             Self::Gather => "gather",
+            Self::CacheOnly => "cache-only",
             Self::Path => "path",
         }
     }

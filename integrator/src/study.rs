@@ -17,6 +17,8 @@ pub struct Study {
     pub resolution: Option<u32>,
     /// Reach of records as a share of the harmonic mean distance, 0.001 to 10.
     pub spacing: Option<f32>,
+    /// Error that a record of irradiance may sum to, 1e-9 to 1, where 1 is an error of 100 % on the whole picture.
+    pub error: Option<f32>,
     /// Depth layers, 2 to 256.
     pub layers: Option<u32>,
     /// Texels along a side of an s-element at most, 1 to 64; 1 merges nothing.
@@ -47,7 +49,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, layers, merge, step, agreement, verify, \
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, agreement, verify, \
          light-samples, photons, coverage, trail, weights, secondary"
     )]
     Unknown(String),
@@ -80,6 +82,7 @@ impl Study {
         match name {
             "resolution" => self.resolution = Some(number(name, value, 1, 64)?),
             "spacing" => self.spacing = Some(number(name, value, 0.001, 10.0)?),
+            "error" => self.error = Some(number(name, value, 1e-9, 1.0)?),
             "layers" => self.layers = Some(number(name, value, 2, 256)?),
             "merge" => self.merge = Some(number(name, value, 1, 64)?),
             "step" => self.step = Some(number(name, value, 1, 64)?),
@@ -146,6 +149,7 @@ mod tests {
         let good = [
             ("resolution", "16"),
             ("spacing", "0.3"),
+            ("error", "1e-6"),
             ("layers", "32"),
             ("merge", "1"),
             ("step", "3"),

@@ -1,0 +1,168 @@
+//! The records that may reach a point: a grid of cells for each power of two of the reach, as in `radcache::Index`; but here every record
+//! that reaches a point has its say.
+
+use std::collections::HashMap;
+
+use glam::{IVec3, Vec3, Vec3A};
+
+use super::record::Record;
+
+/// Records of irradiance and where they reach. They are entered one after another, and all answers depend on that order alone.
+#[derive(Debug, Default)]
+pub(crate) struct Index {
+    records: Vec<Record>,
+    levels: Vec<Level>,
+}
+
+/// The records of about one reach.
+#[derive(Debug)]
+struct Level {
+    /// Exponent of the width of its cells, which is at least twice the reach of its records.
+    exponent: i32,
+    /// The records that reach into each cell.
+    cells: HashMap<IVec3, Vec<u32>>,
+}
+
+impl Index {
+    /// Enters records in order.
+    pub(crate) fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
+        for record in records {
+            let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
+            let (centre, reach) = (record.centre(), record.reach());
+            let exponent = level_exponent(reach);
+            let width = cell_width(exponent);
+            let cells = self.level(exponent);
+            let (low, high) = (cell(centre - reach, width), cell(centre + reach, width));
+            for x in low.x..=high.x {
+                for y in low.y..=high.y {
+                    for z in low.z..=high.z {
+                        cells.entry(IVec3::new(x, y, z)).or_default().push(number);
+                    }
+                }
+            }
+            self.records.push(record);
+        }
+    }
+
+    /// Whether some record is within `distance` of a point, see [`Record::distance`].
+    pub(crate) fn covers(&self, p: Vec3A, n: Vec3A, distance: f32) -> bool {
+        self.near(p).any(|record| record.distance(p, n) <= distance)
+    }
+
+    /// The light at a point, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
+    /// of the soft sky. `None` where no record reaches.
+    pub(crate) fn interpolate(&self, p: Vec3A, n: Vec3A) -> Option<[Vec3; 2]> {
+        let mut sum = [Vec3::ZERO; 2];
+        let mut total = 0.0;
+        for record in self.near(p) {
+            let distance = record.distance(p, n);
+            if distance < 1.0 {
+                let weight = 1.0 - distance;
+                let light = record.light(p, n);
+                total += weight;
+                sum[0] += weight * light[0];
+                sum[1] += weight * light[1];
+            }
+        }
+        // Where gradients overshoot, in the darkest corners, light is not negative.
+        (total > 0.0).then(|| sum.map(|part| (part / total).max(Vec3::ZERO)))
+    }
+
+    /// Number of records.
+    pub(crate) fn len(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Bytes that records and cells take, about.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let lists = self.levels.iter().flat_map(|level| level.cells.values());
+        let cells: usize = lists.map(|list| size_of::<(IVec3, Vec<u32>)>() + list.capacity() * size_of::<u32>()).sum();
+        cells + self.records.iter().map(Record::memory_bytes).sum::<usize>()
+    }
+
+    /// The records in the cells of a point: all that reach it, and some that do not.
+    fn near(&self, p: Vec3A) -> impl Iterator<Item = &Record> {
+        let lists = self.levels.iter().filter_map(move |level| level.cells.get(&cell(p, cell_width(level.exponent))));
+        lists.flatten().map(|&number| &self.records[number as usize])
+    }
+
+    fn level(&mut self, exponent: i32) -> &mut HashMap<IVec3, Vec<u32>> {
+        let place = match self.levels.binary_search_by(|level| exponent.cmp(&level.exponent)) {
+            Ok(found) => found,
+            Err(place) => {
+                self.levels.insert(place, Level { exponent, cells: HashMap::default() });
+                place
+            }
+        };
+        &mut self.levels[place].cells
+    }
+}
+
+/// Smallest exponent e with 2^e >= 2 reach.
+fn level_exponent(reach: f32) -> i32 {
+    #[expect(clippy::cast_possible_truncation, reason = "an f32 exponent")]
+    let exponent = (2.0 * reach).log2().ceil() as i32;
+    exponent
+}
+
+fn cell_width(exponent: i32) -> f32 {
+    2f32.powi(exponent)
+}
+
+fn cell(p: Vec3A, width: f32) -> IVec3 {
+    (p / width).floor().as_ivec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use hemimap::Frame;
+    use proptest::prelude::*;
+    use radcache::Samples;
+
+    use super::*;
+    use crate::irradiance_cache::edges::TexelEdges;
+    use crate::irradiance_cache::record::RecordRules;
+
+    fn record(centre: Vec3A, tilt: f32, min_radius: f32, radiance: f32) -> Record {
+        let frame = Frame::from_normal(Vec3A::new(tilt, 0.0, 1.0).normalize());
+        let samples = Samples::from_fn(4, |wi| (Vec3::splat(radiance), 1.0 / wi.z, Vec3A::NEG_Z));
+        let rules = RecordRules { total_error: 1e-3, min_radius, max_radius: min_radius };
+        Record::new(centre, frame, &samples, &TexelEdges::new(4), &rules)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn all_records_that_reach_a_point_have_their_say(
+            places in prop::collection::vec((-5.0f32..5.0, -5.0f32..5.0, -0.1f32..0.1, 0.01f32..4.0, 0.0f32..0.4), 1..60),
+            queries in prop::collection::vec((-6.0f32..6.0, -6.0f32..6.0, -0.1f32..0.1, 0.0f32..0.4), 1..20),
+        ) {
+            let records: Vec<Record> = (1u16..).zip(&places)
+                .map(|(number, &(x, y, z, radius, tilt))| record(Vec3A::new(x, y, z), tilt, radius, f32::from(number)))
+                .collect();
+            let mut index = Index::default();
+            index.extend(records.iter().cloned());
+            for (x, y, z, tilt) in queries {
+                let (p, n) = (Vec3A::new(x, y, z), Vec3A::new(0.0, tilt, 1.0).normalize());
+                let distances = records.iter().map(|record| record.distance(p, n));
+                let weights: Vec<f32> = distances.clone().map(|distance| (1.0 - distance).max(0.0)).collect();
+                let total: f32 = weights.iter().sum();
+                let naive: f32 = weights.iter().zip(&records).map(|(w, r)| w * r.light(p, n)[0].x).sum::<f32>() / total;
+                let found = index.interpolate(p, n);
+                prop_assert_eq!(found.is_some(), total > 0.0);
+                if let Some([near, _]) = found {
+                    // The sums run in another order: rounding of f32.
+                    prop_assert!((near.x - naive).abs() <= 1e-5 * naive, "{} instead of {naive}", near.x);
+                }
+                let nearest = distances.fold(f32::INFINITY, f32::min);
+                prop_assert_eq!(index.covers(p, n, 0.5), nearest <= 0.5);
+            }
+        }
+    }
+
+    #[test]
+    fn nobody_is_served_by_nothing() {
+        assert_eq!(Index::default().interpolate(Vec3A::ZERO, Vec3A::Z), None, "no record");
+        assert!(!Index::default().covers(Vec3A::ZERO, Vec3A::Z, 1.0), "nor near one");
+    }
+}

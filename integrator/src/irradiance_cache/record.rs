@@ -1,0 +1,267 @@
+//! Where a record reaches, and what it says there.
+//!
+//! The distance of a point from a record is 0 at the record and 1 where it ends to matter. Of the offset d it counts the tangential
+//! part in units of the ellipse's half axes, the height over the tangent plane and the turn of the normal:
+//!
+//! ```text
+//! distance^2 = (d . a / R_a)^2 + (d . b / R_b)^2 + (h / (0.2 R_a))^2 + (1 - n . n') / (1 - 0.9)
+//! ```
+//!
+//! A record must not reach through walls, and its radii know nothing of them where the light does not change. So it keeps the planes
+//! of what it met near its horizon: no point behind one of them may take anything from it (as Ward's `ambcorral` in Radiance, which
+//! keeps azimuths in their place).
+
+use glam::{Vec2, Vec3, Vec3A};
+use hemimap::Frame;
+use radcache::Samples;
+
+use super::edges::{Derivatives, Gradient, TexelEdges};
+use super::hessian::{Symmetric, radius};
+use crate::sky::luminance;
+
+/// Rules for the reach of one record. Lengths are metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RecordRules {
+    /// Error that the record may sum to, relative to its irradiance, square metres.
+    pub(crate) total_error: f32,
+    /// Smallest radius.
+    pub(crate) min_radius: f32,
+    /// Largest radius.
+    pub(crate) max_radius: f32,
+}
+
+/// Irradiance at one point of a surface, its derivatives, and how far they hold.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Record {
+    centre: Vec3A,
+    frame: Frame,
+    /// Mean radiance over the cosine-weighted hemisphere, irradiance / pi: of what stands at a distance, and of the soft sky.
+    mean: [Vec3; 2],
+    translation: [Gradient; 2],
+    rotation: [Gradient; 2],
+    /// The ellipse, as the matrix M of distance^2 = d M d.
+    ellipse: Symmetric,
+    /// Half axes, the smaller first.
+    radii: [f32; 2],
+    guards: Vec<Guard>,
+}
+
+/// A plane that the record saw from its front.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Guard {
+    /// Its normal, world space, divided by the record's distance from it.
+    normal: Vec3A,
+}
+
+/// Smallest cosine between the normals of a record and of a point that it serves: 26 degrees.
+const MIN_NORMAL_COS: f32 = 0.9;
+/// Height over the tangent plane counts so many times as much as the offset along it, and at most this share of the offset is height:
+/// surfaces whose normals differ by 26 degrees bend away from it by half the angle.
+const HEIGHT_FACTOR: f32 = 5.0;
+/// Rounding of far coordinates must not make near points steep.
+const STEEP_SLACK: f32 = 0.01;
+/// Longest ellipse: the Hessian of few texels is too rough for more.
+const MAX_ASPECT: f32 = 2.0;
+/// Light that comes by fewer texels than these is too rough for derivatives; and a reach by its Hessian would be the shorter the more of
+/// it was met by chance, so that the records that met none would have the greatest say. Such a record reaches a share of the
+/// harmonic mean distance, by Ward's rule, which knows geometry alone.
+const FEW_TEXELS: f32 = 8.0;
+const WARD_SPACING: f32 = 0.3;
+/// Texels below this cosine are near enough to the horizon for what they met to stand in the way of a point of the surface.
+const GUARD_COS: f32 = 0.7;
+/// Planes that rise from the tangent plane less steeply than this, by the tangential part of their normals, do not.
+const GUARD_SLOPE: f32 = 0.3;
+/// Of planes whose normals lie in one of so many sectors, the nearest is kept.
+const GUARD_SECTORS: usize = 8;
+/// The weight of a record falls to 0 in the last part of the way to a plane: a quarter.
+const GUARD_RAMP: f32 = 4.0;
+
+impl Record {
+    /// Makes a record of a gather at `centre` in `frame`.
+    pub(crate) fn new(centre: Vec3A, frame: Frame, samples: &Samples, edges: &TexelEdges, rules: &RecordRules) -> Self {
+        let mean = samples.mean_radiance_by_distance();
+        let far = samples.harmonic_distance();
+        let limited = |radius: f32| radius.min(far).min(rules.max_radius).max(rules.min_radius);
+        let (derivatives, radii, axis) = if lit_texels(samples) < FEW_TEXELS {
+            (Derivatives::default(), [limited(WARD_SPACING * far); 2], Vec2::X)
+        } else {
+            let derivatives = edges.derivatives(samples, rules.min_radius);
+            let light = luminance(mean[0] + mean[1]);
+            let (curvatures, axis) = derivatives.hessian.eigen();
+            // Where the first derivative is so large, light falls to 0 within the radius: no second derivative tells of that.
+            let [near, sky] = derivatives.translation;
+            let slope = Vec2::new(luminance(near[0] + sky[0]), luminance(near[1] + sky[1]));
+            let fall = light / slope.length();
+            let radii = curvatures.map(|curvature| limited(radius(curvature, rules.total_error * light).min(fall)));
+            (derivatives, radii, axis)
+        };
+        let [first, second] = [radii[0], radii[1].min(MAX_ASPECT * radii[0])];
+        let Derivatives { translation, rotation, .. } = derivatives;
+        let mut ellipse = Symmetric::mixed(axis, axis).scaled(0.5 / (first * first));
+        ellipse += Symmetric::mixed(axis.perp(), axis.perp()).scaled(0.5 / (second * second));
+        let guards = guards(samples, &frame, second);
+        Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], guards }
+    }
+
+    /// Where it was made, world space, metres.
+    pub(crate) fn centre(&self) -> Vec3A {
+        self.centre
+    }
+
+    /// No point farther off than this takes anything from it, metres.
+    pub(crate) fn reach(&self) -> f32 {
+        self.radii[1]
+    }
+
+    /// How far off a point `p` with unit normal `n` is, in units of the record's reach: it serves those below 1.
+    pub(crate) fn distance(&self, p: Vec3A, n: Vec3A) -> f32 {
+        let cos = n.dot(self.frame.n);
+        if cos < MIN_NORMAL_COS {
+            return f32::INFINITY;
+        }
+        let offset = p - self.centre;
+        let [x, y, height] = self.frame.to_local(offset).to_array();
+        let Symmetric { xx, xy, yy } = self.ellipse;
+        let high = HEIGHT_FACTOR * height / self.radii[0];
+        let turn = (1.0 - cos).max(0.0) / (1.0 - MIN_NORMAL_COS);
+        let distance_sq = x * x * xx + 2.0 * x * y * xy + y * y * yy + high * high + turn;
+        let steep = HEIGHT_FACTOR * height.abs() > offset.length() + STEEP_SLACK * self.radii[0];
+        if distance_sq >= 1.0 || steep {
+            return f32::INFINITY;
+        }
+        let front = self.guards.iter().map(|guard| 1.0 + guard.normal.dot(offset)).fold(f32::INFINITY, f32::min);
+        distance_sq.sqrt().max(1.0 - GUARD_RAMP * front)
+    }
+
+    /// What it tells of the light at a point with unit normal `n`: mean radiance of what stands at a distance, and of the soft sky. May
+    /// be negative.
+    pub(crate) fn light(&self, p: Vec3A, n: Vec3A) -> [Vec3; 2] {
+        let (s, t) = (self.frame.s, self.frame.t);
+        let offset = p - self.centre;
+        let moved = [offset.dot(s), offset.dot(t)];
+        let turned = [n.dot(s), n.dot(t)];
+        let part = |part: usize| {
+            let [along_s, along_t] = self.translation[part];
+            let [towards_s, towards_t] = self.rotation[part];
+            self.mean[part] + along_s * moved[0] + along_t * moved[1] + towards_s * turned[0] + towards_t * turned[1]
+        };
+        [part(0), part(1)]
+    }
+
+    /// Bytes that it takes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + self.guards.capacity() * size_of::<Guard>()
+    }
+}
+
+/// Number of texels that bring the light of a gather, if all of them were equally bright; 0 in the dark.
+fn lit_texels(samples: &Samples) -> f32 {
+    let light = samples.radiance.iter().map(|&radiance| luminance(radiance));
+    let (sum, sum_sq) = light.fold((0.0, 0.0), |(sum, sum_sq), l| (sum + l, sum_sq + l * l));
+    if sum_sq > 0.0 { sum / sum_sq * sum } else { 0.0 }
+}
+
+/// The nearest planes of what a gather met near its horizon, by the azimuth of their normals; none that is farther than `reach`.
+fn guards(samples: &Samples, frame: &Frame, reach: f32) -> Vec<Guard> {
+    let n = samples.resolution();
+    let mut nearest: [Option<(f32, Vec3A)>; GUARD_SECTORS] = [None; GUARD_SECTORS];
+    for texel in 0..n * n {
+        let wi = samples.direction(texel);
+        if wi.z > GUARD_COS || samples.distance[texel].is_infinite() {
+            continue;
+        }
+        let normal = Vec3A::from(samples.normal[texel]);
+        let slope = normal.truncate().length();
+        let distance = -samples.distance[texel] * wi.dot(normal);
+        if slope < GUARD_SLOPE || distance <= 0.0 || distance > reach {
+            continue;
+        }
+        let turn = normal.y.atan2(normal.x) / std::f32::consts::TAU + 0.5;
+        let sectors = u32::try_from(GUARD_SECTORS).expect("a few");
+        let sector = hemimap::texel_index(turn, sectors) as usize;
+        if nearest[sector].is_none_or(|(other, _)| distance < other) {
+            nearest[sector] = Some((distance, normal));
+        }
+    }
+    let planes = nearest.into_iter().flatten();
+    planes.map(|(distance, normal)| Guard { normal: frame.to_world(normal) / distance }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const N: usize = 32;
+    const RULES: RecordRules = RecordRules { total_error: 1e-3, min_radius: 1e-3, max_radius: 10.0 };
+
+    fn record(rules: &RecordRules, look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Record {
+        let frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };
+        Record::new(Vec3A::ZERO, frame, &Samples::from_fn(N, look), &TexelEdges::new(N), rules)
+    }
+
+    /// An endless wall of radiance 1 and height 1 at x = 1, black night elsewhere.
+    fn low_wall(wi: Vec3A) -> (Vec3, f32, Vec3A) {
+        if wi.x > 0.0 && wi.z < wi.x { (Vec3::ONE, 1.0 / wi.x, Vec3A::NEG_X) } else { (Vec3::ZERO, f32::INFINITY, -wi) }
+    }
+
+    #[test]
+    fn record_beside_a_wall_serves_along_it_and_nobody_behind() {
+        let lit = |wi: Vec3A| (Vec3::ONE, if wi.x > 0.0 { 1.0 / wi.x } else { f32::INFINITY }, Vec3A::NEG_X);
+        let record = record(&RULES, lit);
+        let distance = |x, y| record.distance(Vec3A::new(x, y, 0.0), Vec3A::Z);
+        assert_eq!(distance(0.0, 0.0), 0.0, "itself");
+        assert!(distance(0.0, 4.0) < 1.0 && distance(-4.0, 0.0) < 1.0, "light is the same everywhere");
+        assert!(distance(0.7, 4.0) < 1.0, "in front of the wall");
+        assert!(distance(1.0, 0.0) >= 1.0 && distance(1.5, 3.0) >= 1.0, "behind it");
+    }
+
+    #[test]
+    fn other_surfaces_are_not_served() {
+        let record = record(&RULES, |wi| (Vec3::ONE, f32::INFINITY, -wi));
+        assert_eq!(record.reach(), 10.0, "an open sky reaches the limit");
+        let turned = Vec3A::new(0.5, 0.0, 0.75f32.sqrt());
+        assert!(record.distance(Vec3A::X, turned) >= 1.0, "30 degrees");
+        assert!(record.distance(Vec3A::new(1.0, 0.0, -0.3), Vec3A::Z) >= 1.0, "a step below");
+        assert!(record.distance(Vec3A::new(1.0, 0.0, -0.1), Vec3A::Z) < 1.0, "a gentle slope");
+    }
+
+    #[test]
+    fn gradients_tell_the_light_nearby() {
+        // At the distance d from the wall, E / pi = (1 - d / sqrt(1 + d^2)) / 2.
+        let record = record(&RULES, low_wall);
+        let known = |d: f32| 0.5 * (1.0 - d / (1.0 + d * d).sqrt());
+        for x in [-0.1f32, -0.05, 0.05, 0.1] {
+            let [near, sky] = record.light(Vec3A::X * x, Vec3A::Z);
+            // What the second derivative leaves, and the texels of the wall's upper rim.
+            assert!((near.x - known(1.0 - x)).abs() < 4e-3, "{} instead of {} at {x}", near.x, known(1.0 - x));
+            assert!((near.x - record.light(Vec3A::ZERO, Vec3A::Z)[0].x).abs() > 6e-3, "it changes at {x}");
+            assert_eq!(sky, Vec3::ZERO, "no sky");
+        }
+        // The wall fills the elevations a from 0 to 45 degrees: turned, E / pi gains half the integral of cos(a).
+        let [near, _] = record.light(Vec3A::ZERO, Vec3A::new(0.1, 0.0, 0.995));
+        let towards = 0.5 * std::f32::consts::FRAC_1_SQRT_2;
+        assert!((near.x - record.light(Vec3A::ZERO, Vec3A::Z)[0].x - 0.1 * towards).abs() < 1e-3, "turned to the wall");
+    }
+
+    #[test]
+    fn reach_grows_with_the_fourth_root_of_the_error_and_is_longer_along_the_wall() {
+        let reach = |total_error| record(&RecordRules { total_error, ..RULES }, low_wall).radii;
+        let ([a0, b0], [a1, b1]) = (reach(1e-6), reach(16e-6));
+        assert!((a1 / a0 - 2.0).abs() < 1e-3 && (b1 / b0 - 2.0).abs() < 1e-3, "{a0} {b0} to {a1} {b1}");
+        assert_eq!(b0, MAX_ASPECT * a0, "light does not change along the wall");
+        let along = record(&RecordRules { total_error: 1e-6, ..RULES }, low_wall);
+        let distance = |p: Vec3A| along.distance(p, Vec3A::Z);
+        assert!((distance(Vec3A::Y * 0.5 * b0) - 0.5).abs() < 1e-3, "half way along the wall");
+        assert!((distance(Vec3A::X * 0.5 * a0) - 0.5).abs() < 1e-3, "half way to the wall");
+    }
+
+    #[test]
+    fn reach_keeps_its_limits() {
+        let tight = RecordRules { total_error: 1e-12, min_radius: 0.01, ..RULES };
+        assert_eq!(record(&tight, low_wall).radii[0], 0.01, "the least");
+        let dark = record(&RULES, |wi| (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z));
+        let ward = dark.radii[0];
+        assert!((ward - 0.45).abs() < 5e-3 && dark.radii[1] == ward, "0.3 times 1.5 times the height, not {ward}");
+        assert_eq!(dark.light(Vec3A::X, Vec3A::Z), [Vec3::ZERO; 2], "and stays dark");
+    }
+}
