@@ -8,7 +8,7 @@ use scene::Scene;
 const BLOCK: u32 = 4;
 
 /// Every way to make a picture.
-pub const METHODS: [Method; 3] = [Method::Path, Method::Gather, Method::Reproject];
+pub const METHODS: [Method; 4] = [Method::Path, Method::Gather, Method::Reproject, Method::CacheOnly];
 
 /// The part of a picture that is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

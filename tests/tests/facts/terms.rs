@@ -47,10 +47,10 @@ fn terms_sum_to_the_picture_bit_for_bit() {
 
 #[test]
 fn terms_add_up_once() {
-    // Term by term, the methods with a cache against the path tracer.
+    // Term by term, the other methods against the path tracer.
     let scene = everything().build();
     let path: Vec<Film> = (0..8).map(|seed| picture(&scene, Method::Path, 160, seed)).collect();
-    for method in [Method::Gather, Method::Reproject] {
+    for method in [Method::Gather, Method::Reproject, Method::CacheOnly] {
         let film = picture(&scene, method, 64, 9);
         for term in [Term::Direct, Term::Specular, Term::Caustic, Term::Indirect, Term::All] {
             let means: Vec<f64> = path.iter().map(|film| mean(&term.of(film))).collect();
