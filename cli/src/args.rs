@@ -53,7 +53,7 @@ pub(crate) fn angle(text: &str) -> Result<f32, String> {
 }
 
 /// All methods.
-const METHODS: [Method; 3] = [Method::Reproject, Method::Gather, Method::Path];
+const METHODS: [Method; 4] = [Method::Reproject, Method::Gather, Method::CacheOnly, Method::Path];
 
 /// A method by its name.
 pub(crate) fn method() -> impl TypedValueParser<Value = Method> {

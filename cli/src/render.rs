@@ -33,7 +33,7 @@ pub(crate) struct RenderArgs {
     /// Scene to render (.toml or .obj); an embedded one where none is named
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
-    /// How to render: the cache of reprojected radiance, the same without a cache, or the reference path tracer
+    /// How to render: the cache of reprojected radiance, the same without a cache, an irradiance cache, or the reference path tracer
     #[arg(long, value_parser = args::method())]
     method: Option<Method>,
     /// Speed against accuracy: twice the quality takes about twice the time [default: the scene's, or 1]
@@ -42,8 +42,8 @@ pub(crate) struct RenderArgs {
     /// Samples a pixel, instead of what the quality gives
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     spp: Option<u32>,
-    /// Single setting for study, instead of what the quality gives: resolution, spacing, layers, merge, step, agreement, verify,
-    /// light-samples, photons, coverage (rect, quad), trail (all, silhouettes), weights (bits, areas), secondary (cells, photons,
+    /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, step, agreement,
+    /// verify, light-samples, photons, coverage (rect, quad), trail (all, silhouettes), weights (bits, areas), secondary (cells, photons,
     /// paths); may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]
     set: Vec<args::StudySetting>,

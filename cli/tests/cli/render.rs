@@ -103,7 +103,7 @@ fn a_term_alone_is_the_picture() {
 fn threads_do_not_change_a_byte_and_the_seed_does() {
     let folder = folder();
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
-    for method in ["path", "gather", "reproject"] {
+    for method in ["path", "gather", "reproject", "cache-only"] {
         let render = |threads: &str, more: &[&str]| {
             let words = ["--quiet", "--quality=0.1", "--method", method, "--threads", threads];
             cornell(folder.path(), &[&words[..], more].concat()).expect_done();
