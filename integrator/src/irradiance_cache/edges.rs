@@ -324,7 +324,7 @@ mod tests {
         };
         let found = seen(32, |wi| {
             let q = (wi / wi.z).truncate().as_dvec2();
-            (Vec3::splat(radiance(q) as f32), 1.0 / wi.z, Vec3A::NEG_Z)
+            (DVec3::splat(radiance(q)).as_vec3(), 1.0 / wi.z, Vec3A::NEG_Z)
         });
         let (gradient, curved) = differences(mean);
         let off = (reds(found.translation[0]) - gradient).length();
