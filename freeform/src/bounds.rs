@@ -46,18 +46,21 @@ impl Extent {
     pub(crate) const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
     pub(crate) const ALL: Self = Self { min: DVec3::NEG_INFINITY, max: DVec3::INFINITY };
 
-    /// Returns a box around the inside of a form.
-    pub(crate) fn of_form(base: &Quadric, perturbations: &[Perturbation]) -> Self {
+    /// Returns a box around the places where a form is `-depth` or more.
+    pub(crate) fn of_form(base: &Quadric, perturbations: &[Perturbation], depth: f64) -> Self {
         let swellings = || perturbations.iter().filter(|p| p.factor > 0.0);
         let height: f64 = swellings().map(|p| p.factor * peak(&p.quadric).max(0.0).powi(3)).sum();
-        let mut raised = *base;
-        raised.coefficients[9] += height;
-        let reach = if height < f64::INFINITY { Self::of_quadric(&raised) } else { Self::ALL };
-        swellings().fold(Self::of_quadric(base), |sum, p| sum.union(&reach.intersection(&Self::of_quadric(&p.quadric))))
+        let raised = |height: f64| {
+            let mut raised = *base;
+            raised.coefficients[9] += height;
+            if height < f64::INFINITY { Self::of_quadric(&raised) } else { Self::ALL }
+        };
+        let reach = raised(depth + height);
+        swellings().fold(raised(depth), |sum, p| sum.union(&reach.intersection(&Self::of_quadric(&p.quadric))))
     }
 
     /// Returns a box around {Q >= 0}.
-    fn of_quadric(quadric: &Quadric) -> Self {
+    pub(crate) fn of_quadric(quadric: &Quadric) -> Self {
         match Ellipsoid::of(quadric) {
             Some(e) if e.peak + e.peak_error < 0.0 => Self::EMPTY,
             Some(e) => {
@@ -67,6 +70,11 @@ impl Extent {
             }
             None => Self::ALL,
         }
+    }
+
+    /// Whether a point is in the box.
+    pub(crate) fn holds(&self, p: DVec3) -> bool {
+        self.min.cmple(p).all() && p.cmple(self.max).all()
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -82,7 +90,7 @@ impl Extent {
     }
 
     /// Returns the common part; `EMPTY` itself where there is none, so that later unions stay tight.
-    fn intersection(&self, other: &Self) -> Self {
+    pub(crate) fn intersection(&self, other: &Self) -> Self {
         let common = Self { min: self.min.max(other.min), max: self.max.min(other.max) };
         if common.is_empty() { Self::EMPTY } else { common }
     }

@@ -27,10 +27,16 @@ pub enum FormError {
     /// A transformation that cannot be undone was asked for.
     #[error("the transformation is singular; it flattens the form")]
     Singular,
-    /// A union without parts.
-    #[error("a union needs at least one part")]
-    EmptyUnion,
-    /// Unions inside unions beyond the limit.
-    #[error("unions are nested deeper than {DEPTH_LIMIT}; put the parts side by side in one union")]
+    /// A set operation without parts; its name.
+    #[error("no parts in the {0}; give it at least one")]
+    Empty(&'static str),
+    /// A complement of several parts.
+    #[error("a complement takes one part; unite the parts first")]
+    ManyComplements,
+    /// More parts than can be numbered.
+    #[error("too many parts; divide the solid into several")]
+    TooMany,
+    /// Set operations inside each other beyond the limit.
+    #[error("set operations are nested deeper than {DEPTH_LIMIT}; put parts side by side in one operation")]
     TooDeep,
 }

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::{Bounds, FormError, Quadric, bounds::Extent, quadric::inverse};
+use crate::{Bounds, FormError, Quadric, bounds::Extent, boxes::Boxes, psi::LocalLinear, quadric::inverse};
 
 /// A swelling (positive factor) or a dent (negative factor) where its quadric is positive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -26,7 +26,7 @@ pub struct Perturbation {
 ///
 /// # Source
 /// Equations 1 to 3 of the paper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(try_from = "Described", into = "Described")]
 pub struct FreeForm {
     origin: DVec3,
@@ -34,7 +34,12 @@ pub struct FreeForm {
     perturbations: Vec<Perturbation>,
     /// Derived: box of the inside, relative to the origin.
     extent: Extent,
+    /// Derived: where each perturbation acts, for forms of more than `LISTED`.
+    supports: Option<Box<Boxes>>,
 }
+
+/// So many perturbations are gone through one by one; more have a tree of boxes.
+const LISTED: usize = 8;
 
 /// The form as files hold it, without what follows from it.
 #[derive(Serialize, Deserialize)]
@@ -71,8 +76,24 @@ impl FreeForm {
                 return Err(FormError::FactorNotFinite { index });
             }
         }
-        let extent = Extent::of_form(&base, &perturbations);
-        Ok(Self { origin, base, perturbations, extent })
+        let extent = Extent::of_form(&base, &perturbations, 0.0);
+        let support = |p: &Perturbation| if p.factor == 0.0 { Extent::EMPTY } else { Extent::of_quadric(&p.quadric) };
+        let supports =
+            (perturbations.len() > LISTED).then(|| Box::new(Boxes::new(perturbations.iter().map(support).collect())));
+        Ok(Self { origin, base, perturbations, extent, supports })
+    }
+
+    /// Returns the same body with its function multiplied by `weight`, which matters to blends alone.
+    ///
+    /// # Errors
+    /// The weight is not positive, or numbers overflow.
+    pub fn weighted(&self, weight: f64) -> Result<Self, FormError> {
+        if !(weight > 0.0 && weight.is_finite()) {
+            return Err(FormError::OutOfRange("a weight"));
+        }
+        let base = Quadric::new(self.base.coefficients.map(|c| c * weight))?;
+        let weighted = |&Perturbation { quadric, factor }: &_| Perturbation { quadric, factor: factor * weight };
+        Self::with_origin(self.origin, base, self.perturbations.iter().map(weighted).collect())
     }
 
     /// Returns the point that the coefficients are relative to.
@@ -93,31 +114,60 @@ impl FreeForm {
     /// Returns F'(p): not negative inside.
     pub fn value(&self, p: DVec3) -> f64 {
         let p = p - self.origin;
-        let perturbations = self.perturbations.iter().map(|Perturbation { quadric, factor }| {
-            let q = quadric.value(p).max(0.0);
-            factor * (q * q * q)
-        });
-        self.base.value(p) + perturbations.sum::<f64>()
+        let mut sum = 0.0;
+        self.acting_at(p, |Perturbation { factor, .. }, q| sum += factor * (q * q * q));
+        self.base.value(p) + sum
     }
 
     /// Returns the gradient of F' at `p`: grad F + sum 3 f Q^2 grad Q over the positive Q. It points inwards on the surface.
     pub fn gradient(&self, p: DVec3) -> DVec3 {
         let p = p - self.origin;
-        let perturbations = self.perturbations.iter().map(|Perturbation { quadric, factor }| {
-            let q = quadric.value(p).max(0.0);
-            (3.0 * factor * (q * q)) * quadric.gradient(p)
-        });
-        self.base.gradient(p) + perturbations.sum::<DVec3>()
+        let mut sum = DVec3::ZERO;
+        self.acting_at(p, |Perturbation { quadric, factor }, q| sum += (3.0 * factor * (q * q)) * quadric.gradient(p));
+        self.base.gradient(p) + sum
     }
 
-    /// Returns the size of the terms that the gradient at `p` is summed from.
-    pub(crate) fn gradient_weight(&self, p: DVec3) -> f64 {
+    /// Returns value and gradient at `p` with the size of the terms that the gradient is summed from.
+    pub(crate) fn local_linear(&self, p: DVec3) -> LocalLinear {
         let p = p - self.origin;
-        let perturbations = self.perturbations.iter().map(|Perturbation { quadric, factor }| {
-            let q = quadric.value(p).max(0.0);
-            3.0 * factor.abs() * (q * q) * quadric.gradient_weight(p).max_element()
+        let (mut value, mut gradient) = (0.0, DVec3::ZERO);
+        let mut weight = self.base.gradient_weight(p).max_element();
+        self.acting_at(p, |Perturbation { quadric, factor }, q| {
+            value += factor * (q * q * q);
+            gradient += (3.0 * factor * (q * q)) * quadric.gradient(p);
+            weight += 3.0 * factor.abs() * (q * q) * quadric.gradient_weight(p).max_element();
         });
-        self.base.gradient_weight(p).max_element() + perturbations.sum::<f64>()
+        LocalLinear { value: self.base.value(p) + value, gradient: self.base.gradient(p) + gradient, weight }
+    }
+
+    /// Shows the perturbations that act at `p`, relative to the origin, with their Q.
+    fn acting_at(&self, p: DVec3, mut visit: impl FnMut(&Perturbation, f64)) {
+        let mut test = |perturbation: &Perturbation| {
+            let q = perturbation.quadric.value(p);
+            if q > 0.0 {
+                visit(perturbation, q);
+            }
+        };
+        match &self.supports {
+            None => self.perturbations.iter().for_each(test),
+            Some(supports) => supports.around(p, |index| test(&self.perturbations[index as usize])),
+        }
+    }
+
+    /// Shows the perturbations that may act on `p + s d`, relative to the origin, for `lo <= s <= hi`, by their place in the form.
+    #[inline]
+    pub(crate) fn near_ray(&self, p: DVec3, d: DVec3, lo: f64, hi: f64, mut visit: impl FnMut(u32)) {
+        match &self.supports {
+            None => (0_u32..).zip(&self.perturbations).for_each(|(index, _)| visit(index)),
+            Some(supports) => supports.along(p, d, lo, hi, |index, _| visit(index)),
+        }
+    }
+
+    /// Returns the memory held, bytes.
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<Self>()
+            + size_of_val(&self.perturbations[..])
+            + self.supports.as_ref().map_or(0, |supports| size_of::<Boxes>() + supports.memory_bytes())
     }
 
     /// Returns the second derivatives of F' at `p`; they are continuous across Q = 0.
@@ -135,6 +185,12 @@ impl FreeForm {
     /// Returns a box that holds every inside point, or says that there may be none.
     pub fn bounds(&self) -> Bounds {
         self.extent.moved(self.origin).to_bounds(self.origin)
+    }
+
+    /// Returns a box in world space around the places where F' is `-depth` or more: empty, finite or infinite.
+    pub(crate) fn extent_at(&self, depth: f64) -> Extent {
+        let extent = if depth == 0.0 { self.extent } else { Extent::of_form(&self.base, &self.perturbations, depth) };
+        if extent.is_empty() { Extent::EMPTY } else { extent.moved(self.origin) }
     }
 
     /// Returns the box relative to the origin, infinite where the form may be.
@@ -159,6 +215,12 @@ impl FreeForm {
             .map(|&Perturbation { quadric, factor }| Ok(Perturbation { quadric: quadric.transformed(&turn)?, factor }))
             .collect::<Result<_, FormError>>()?;
         Self::with_origin(origin, self.base.transformed(&turn)?, perturbations)
+    }
+}
+
+impl PartialEq for FreeForm {
+    fn eq(&self, other: &Self) -> bool {
+        self.origin == other.origin && self.base == other.base && self.perturbations == other.perturbations
     }
 }
 

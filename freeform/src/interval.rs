@@ -19,19 +19,6 @@ pub(crate) fn touching_gap(t: f64, reach: f64) -> f64 {
     TOUCHING_ULPS * f64::EPSILON * (t.abs() + reach)
 }
 
-/// Sorts intervals and merges those that overlap or touch, in place. Intervals of zero length are dropped.
-pub(crate) fn merge(intervals: &mut Vec<Interval>, reach: f64) {
-    intervals.retain(|i| i.t_in < i.t_out);
-    intervals.sort_unstable_by(|a, b| a.t_in.total_cmp(&b.t_in));
-    intervals.dedup_by(|next, last| {
-        let touches = next.t_in <= last.t_out + touching_gap(last.t_out, reach) || next.t_in <= last.t_out;
-        if touches {
-            last.t_out = last.t_out.max(next.t_out);
-        }
-        touches
-    });
-}
-
 /// Writes the stretches that are in `a` and not in `b`; both lists are ordered and disjoint, as `Solid::intervals` gives them.
 ///
 /// The result is closed again: stretches of zero length are dropped, so that the difference of equal solids is empty.
@@ -57,16 +44,6 @@ mod tests {
 
     fn list(ends: &[(f64, f64)]) -> Vec<Interval> {
         ends.iter().map(|&(t_in, t_out)| Interval { t_in, t_out }).collect()
-    }
-
-    #[test]
-    fn merge_joins_what_overlaps_or_touches() {
-        let mut all = list(&[(3.0, 4.0), (0.0, 1.0), (1.0 + f64::EPSILON, 2.0), (3.5, 3.6), (5.0, 5.0)]);
-        merge(&mut all, 0.0);
-        assert_eq!(all, list(&[(0.0, 2.0), (3.0, 4.0)]), "touching ends join, empty intervals go");
-        let mut lines = list(&[(f64::NEG_INFINITY, 0.0), (-1.0, f64::INFINITY)]);
-        merge(&mut lines, 0.0);
-        assert_eq!(lines, list(&[(f64::NEG_INFINITY, f64::INFINITY)]), "infinite ends are ends like others");
     }
 
     #[test]

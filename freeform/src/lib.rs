@@ -2,26 +2,38 @@
 #![forbid(unsafe_code)]
 
 mod bernstein;
+mod blend;
 mod bounds;
+mod boxes;
+mod buffer;
 mod error;
 mod form;
 mod interval;
 mod nested;
 mod normal;
+mod plan;
+mod polish;
+mod psi;
 mod quadratic;
 mod quadric;
 mod query;
+mod range;
 mod ray;
 mod sextic;
 mod shapes;
 mod solid;
+mod text;
 mod texture;
 mod trace;
+mod tree;
 
 pub use bounds::Bounds;
 pub use error::FormError;
 pub use form::{FreeForm, Perturbation};
 pub use interval::{Interval, difference};
+pub use psi::Psi;
 pub use quadric::Quadric;
 pub use ray::{Crossing, Ray};
-pub use solid::{DEPTH_LIMIT, Psi, Solid, Union};
+pub use solid::{DEPTH_LIMIT, Solid};
+pub use text::TextError;
+pub use tree::Operation;

@@ -55,4 +55,6 @@ pub struct Crossing {
     pub t: f64,
     /// Whether the ray is inside beyond it.
     pub entering: bool,
+    /// Which part of the solid was crossed: a free form or a blend of several, counted in the order of the description; 0 in a single form.
+    pub part: u32,
 }

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use crate::{
     Crossing,
     bernstein::{COUNT, Cube, Span, sextic_on, signs},
+    polish::polish,
     quadratic::Quadratic,
     trace::{Local, Walker, value_noise},
 };
@@ -14,8 +15,6 @@ const DEPTH_MAX: u32 = 60;
 /// Spans that one piece may be cut into. Six roots a rounding apart take about 400; more are only asked for where rounding hides the sign over long stretches, or by numbers
 /// that overflow: there the signs that are known must do.
 const SPANS_MAX: u32 = 1000;
-/// Steps of the polish. Newton's needs about five; a triple root needs about 40 with bisection between.
-const STEPS_MAX: u32 = 100;
 
 /// The function along the ray, on the piece where just these perturbations act.
 pub(crate) struct Sextic<'a> {
@@ -70,7 +69,9 @@ impl Sextic<'_> {
         }
         // From a start on the surface the span is cut first, so that the polish cannot fall back to the start.
         if signs.variations == 1 && settled && !starts_on_surface && lo.is_finite() && hi.is_finite() {
-            let root = self.polish(lo, hi, &coefficients, inside);
+            let from = lo + (hi - lo) * polygon_root(&coefficients, inside);
+            let tolerance = f64::EPSILON * self.local.unit();
+            let root = polish((lo, from, hi), inside, tolerance, |s| self.value_and_slope(s));
             return walker.root((lo, root, hi), inside);
         }
         if is_last {
@@ -94,35 +95,6 @@ impl Sextic<'_> {
             slope += 3.0 * square * change;
         }
         (value, slope)
-    }
-
-    /// Returns the one root between `lo` and `hi`: Newton's method from where the control polygon crosses zero, kept between ends of known signs by bisection.
-    fn polish(&self, mut lo: f64, mut hi: f64, coefficients: &[f64; COUNT], inside: bool) -> f64 {
-        let tolerance = f64::EPSILON * self.local.unit();
-        let mut s = lo + (hi - lo) * polygon_root(coefficients, inside);
-        let mut last_step = hi - lo;
-        for _ in 0..STEPS_MAX {
-            let (value, slope) = self.value_and_slope(s);
-            if value == 0.0 {
-                break;
-            }
-            if (value > 0.0) == inside {
-                lo = s;
-            } else {
-                hi = s;
-            }
-            let mut next = s - value / slope;
-            // Written so that a slope of zero, infinity or NaN bisects; so does a step that did not shrink.
-            if !(next > lo && next < hi && (next - s).abs() < 0.5 * last_step) {
-                next = 0.5 * (lo + hi);
-            }
-            last_step = (next - s).abs();
-            s = next;
-            if last_step <= tolerance + f64::EPSILON * s.abs() {
-                break;
-            }
-        }
-        s
     }
 }
 

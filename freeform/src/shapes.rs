@@ -52,6 +52,44 @@ impl Quadric {
         about(vertex, outer(axis) - DMat3::IDENTITY, 4.0 * focal_length * axis, 0.0)
     }
 
+    /// Returns the hyperboloid of one sheet about the line through `center` along `axis`: `1 + (h slope / radius)^2 - (r / radius)^2` at height h and
+    /// distance r from the axis. At its waist it has the radius, far away the slope (radius over height) of a cone.
+    ///
+    /// # Errors
+    /// The centre is not finite, the axis zero, or the radius or the slope not positive.
+    pub fn one_sheet(center: DVec3, axis: DVec3, radius: f64, slope: f64) -> Result<Self, FormError> {
+        lengths(DVec3::splat(radius), "a radius")?;
+        lengths(DVec3::splat(slope), "the slope of a hyperboloid")?;
+        let cone = outer(unit(axis)?) * (slope * slope + 1.0) - DMat3::IDENTITY;
+        about(center, cone * (1.0 / (radius * radius)), DVec3::ZERO, 1.0)
+    }
+
+    /// Returns the hyperboloid of two sheets about the line through `center` along `axis`: `(h / height)^2 - (r / (height slope))^2 - 1` at height h and
+    /// distance r from the axis. The sheets begin at `height` to both sides; far away they have the slope (radius over height) of a cone.
+    ///
+    /// # Errors
+    /// The centre is not finite, the axis zero, or the height or the slope not positive.
+    pub fn two_sheets(center: DVec3, axis: DVec3, height: f64, slope: f64) -> Result<Self, FormError> {
+        lengths(DVec3::splat(height), "a height")?;
+        lengths(DVec3::splat(slope), "the slope of a hyperboloid")?;
+        let cone = outer(unit(axis)?) * (slope * slope + 1.0) - DMat3::IDENTITY;
+        let radius = height * slope;
+        about(center, cone * (1.0 / (radius * radius)), DVec3::ZERO, -1.0)
+    }
+
+    /// Returns what lies below the saddle at `point`: `rise x^2 - fall y^2 - h` at height h along `axis`, x along `along` (as far as that is across the axis) and y
+    /// across both.
+    ///
+    /// # Errors
+    /// The point is not finite, the two directions are zero or parallel, or the rise or the fall is not positive.
+    pub fn saddle(point: DVec3, axis: DVec3, along: DVec3, rise: f64, fall: f64) -> Result<Self, FormError> {
+        lengths(DVec3::new(rise, fall, 1.0), "the curvature of a saddle")?;
+        let axis = unit(axis)?;
+        let x = unit(along - along.dot(axis) * axis)?;
+        let y = axis.cross(x);
+        about(point, outer(x) * rise - outer(y) * fall, -axis, 0.0)
+    }
+
     /// Returns the half-space behind the plane through `point` with the outward normal `normal`.
     ///
     /// # Errors
@@ -114,6 +152,17 @@ mod tests {
             (Quadric::cylinder(p, axis, 0.5), p + 7.0 * n, p + 7.0 * n + 0.5 * across, "cylinder"),
             (Quadric::cone(p, axis, 0.5), p - 2.0 * n, p - 2.0 * n + across, "cone"),
             (Quadric::paraboloid(p, axis, 0.25), p + n, p + 4.0 * n + 2.0 * across, "paraboloid"),
+            (Quadric::one_sheet(p, axis, 0.5, 2.0), p + n, p + 0.5 * across, "one sheet"),
+            (Quadric::one_sheet(p, axis, 3.0, 1.0), p + n, p + 4.0 * n + 5.0 * across, "one sheet far from its waist"),
+            (Quadric::two_sheets(p, axis, 0.5, 2.0), p + n, p - 0.5 * n, "two sheets"),
+            (Quadric::two_sheets(p, axis, 3.0, 1.0), p - 4.0 * n, p + 5.0 * n + 4.0 * across, "two sheets far away"),
+            (Quadric::saddle(p, axis, across + n, 0.5, 2.0), p - n, p + 2.0 * n + 2.0 * across, "saddle, rising"),
+            (
+                Quadric::saddle(p, axis, across, 0.5, 2.0),
+                p - 9.0 * n,
+                p - 2.0 * n + axis.cross(across) / 3.0,
+                "saddle, falling",
+            ),
             (Quadric::half_space(p, axis), p - n, p + 5.0 * across, "half-space"),
             (Quadric::slab(p, axis, 0.5), p + 0.4 * n + across, p - 0.5 * n + across, "slab"),
         ];

@@ -1,191 +1,173 @@
-//! Solids: free forms and their unions (eq. 4 of the paper).
+//! Solids: free forms and what set operations make of them (eq. 4 of the paper).
 
 use glam::{DAffine3, DVec3};
-use serde::Serialize;
 
-use crate::{Bounds, FormError, FreeForm, bounds::Extent};
+use crate::{
+    Bounds, FormError, FreeForm, Operation, Psi, Quadric,
+    bounds::Extent,
+    plan::Plan,
+    psi::LocalLinear,
+    tree::{self, Join, Place, Token},
+};
 
-/// Unions may be nested so deep. Walks over a solid use one frame of the stack a level.
+/// Operations may be nested so deep. Some walks over a solid use one frame of the stack a level.
 pub const DEPTH_LIMIT: usize = 32;
 
-/// How the functions of two solids become that of their union (eq. 4). Both give the same set and the same surface; they differ in the values beside it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Psi {
-    /// `max(f1, f2)`: the gradient jumps where f1 = f2.
-    #[default]
-    Maximum,
-    /// `f1 + f2 + sqrt(f1^2 + f2^2)`: smooth except on the seam f1 = f2 = 0.
-    RFunction,
-}
-
-impl Psi {
-    fn value(self, f: f64, g: f64) -> f64 {
-        match self {
-            Self::Maximum => f.max(g),
-            // The sum of two negative values cancels the root: the conjugate 2 f g / (f + g - root) does not.
-            Self::RFunction if f + g < 0.0 => -2.0 * f * g / (f.hypot(g) - (f + g)),
-            Self::RFunction => f + g + f.hypot(g),
-        }
-    }
-
-    fn join(self, f: LocalLinear, g: LocalLinear) -> LocalLinear {
-        match self {
-            Self::Maximum if f.value >= g.value => f,
-            Self::Maximum => g,
-            Self::RFunction => {
-                let root = f.value.hypot(g.value);
-                // 1 + a / root, without its cancellation where a is negative.
-                let share = |a: f64, b: f64| match () {
-                    () if root == 0.0 => 1.0,
-                    () if a < 0.0 => b * b / (root * (root - a)),
-                    () => 1.0 + a / root,
-                };
-                let (share_f, share_g) = (share(f.value, g.value), share(g.value, f.value));
-                LocalLinear {
-                    value: self.value(f.value, g.value),
-                    gradient: share_f * f.gradient + share_g * g.gradient,
-                    weight: share_f * f.weight + share_g * g.weight,
-                }
-            }
-        }
-    }
-}
-
-/// A function near a point.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct LocalLinear {
-    pub(crate) value: f64,
-    pub(crate) gradient: DVec3,
-    /// Size of the terms that the gradient was summed from.
-    pub(crate) weight: f64,
-}
-
-/// A free form or a union of solids: a closed set with a function that is not negative inside.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Solid {
-    /// One free form.
-    Form(FreeForm),
-    /// Several solids together.
-    Union(Union),
-}
-
-/// Solids together; made by [`Solid::union`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Union {
-    psi: Psi,
-    parts: Vec<Solid>,
-    /// Derived: unions below this one, itself included.
-    #[serde(skip)]
-    depth: usize,
+/// A free form, or solids joined by set operations: a closed set with a function that is not negative inside.
+///
+/// Union, intersection and difference take any number of parts, so that a body with a hundred holes is one level deep.
+#[derive(Debug, Clone)]
+pub struct Solid {
+    pub(crate) tokens: Vec<Token>,
+    pub(crate) forms: Vec<FreeForm>,
     /// Derived: box of the inside.
-    #[serde(skip)]
     extent: Extent,
-}
-
-impl Union {
-    /// Checks the parts and derives what follows from them.
-    pub(crate) fn new(psi: Psi, parts: Vec<Solid>) -> Result<Self, FormError> {
-        let below = parts.iter().map(Solid::depth).max().ok_or(FormError::EmptyUnion)?;
-        if below >= DEPTH_LIMIT {
-            return Err(FormError::TooDeep);
-        }
-        let extent = parts.iter().map(Solid::extent).fold(Extent::EMPTY, |sum, part| sum.union(&part));
-        Ok(Self { psi, parts, depth: below + 1, extent })
-    }
-
-    /// Returns the kind of union.
-    pub fn psi(&self) -> Psi {
-        self.psi
-    }
-
-    /// Returns the parts, at least one.
-    pub fn parts(&self) -> &[Solid] {
-        &self.parts
-    }
+    /// Derived: what rays need.
+    pub(crate) plan: Plan,
 }
 
 impl Solid {
-    /// Returns the union of solids.
+    /// Returns what is in any of the parts.
     ///
     /// # Errors
-    /// There is no part, or unions are nested deeper than [`DEPTH_LIMIT`].
+    /// There is no part, the width of a blend is not positive, or operations are nested deeper than [`DEPTH_LIMIT`].
     pub fn union(psi: Psi, parts: Vec<Self>) -> Result<Self, FormError> {
-        Union::new(psi, parts).map(Self::Union)
+        Self::join(Operation::Union, psi, parts)
     }
 
-    fn depth(&self) -> usize {
-        match self {
-            Self::Form(_) => 0,
-            Self::Union(union) => union.depth,
+    /// Returns what is in all of the parts. Its function is `-psi(-f, -g)`.
+    ///
+    /// # Errors
+    /// As of [`Solid::union`].
+    pub fn intersection(psi: Psi, parts: Vec<Self>) -> Result<Self, FormError> {
+        Self::join(Operation::Intersection, psi, parts)
+    }
+
+    /// Returns what is in the first part and in no other. Its function is `-psi(-f, g)`.
+    ///
+    /// Solids are closed, and so is their difference: it keeps the surface of what was taken away. What remains without any thickness is dropped.
+    ///
+    /// # Errors
+    /// As of [`Solid::union`].
+    pub fn difference(psi: Psi, parts: Vec<Self>) -> Result<Self, FormError> {
+        Self::join(Operation::Difference, psi, parts)
+    }
+
+    /// Returns what is not in the solid. Its function is `-f`.
+    ///
+    /// # Errors
+    /// Operations are nested deeper than [`DEPTH_LIMIT`].
+    pub fn complement(self) -> Result<Self, FormError> {
+        Self::join(Operation::Complement, Psi::Maximum, vec![self])
+    }
+
+    /// Returns the box between two corners: the intersection of three slabs.
+    ///
+    /// # Errors
+    /// A corner is not finite, or one of `max` is not greater than that of `min`.
+    pub fn cuboid(min: DVec3, max: DVec3) -> Result<Self, FormError> {
+        let (middle, half) = (0.5 * (min + max), 0.5 * (max - min));
+        let slab = |k: usize| {
+            let slab = Quadric::slab(DVec3::ZERO, DVec3::AXES[k], half[k])?;
+            FreeForm::with_origin(middle, slab, Vec::new()).map(Self::from)
+        };
+        let slabs = (0..3).map(slab).collect::<Result<_, _>>()?;
+        Self::intersection(Psi::Maximum, slabs)
+    }
+
+    /// Returns the part of the solid in the box between two corners: bounds for a cylinder or a paraboloid.
+    ///
+    /// # Errors
+    /// As of [`Solid::cuboid`] and [`Solid::intersection`].
+    pub fn clipped(self, min: DVec3, max: DVec3) -> Result<Self, FormError> {
+        Self::intersection(Psi::Maximum, vec![self, Self::cuboid(min, max)?])
+    }
+
+    /// Returns solids joined by an operation; a complement takes one part.
+    ///
+    /// # Errors
+    /// As of [`Solid::union`]; and a complement of any number of parts but one.
+    pub fn join(operation: Operation, psi: Psi, parts: Vec<Self>) -> Result<Self, FormError> {
+        if operation == Operation::Complement && parts.len() > 1 {
+            return Err(FormError::ManyComplements);
+        }
+        let psi = if operation == Operation::Complement { Psi::Maximum } else { psi };
+        let join = tree::join(operation, psi, parts.iter().map(|part| part.tokens.len()))?;
+        let mut tokens = vec![Token::Join(join)];
+        let mut forms = Vec::new();
+        for part in parts {
+            tokens.extend(part.tokens);
+            forms.extend(part.forms);
+        }
+        Self::new(tokens, forms)
+    }
+
+    /// Derives what follows from a tree.
+    pub(crate) fn new(tokens: Vec<Token>, forms: Vec<FreeForm>) -> Result<Self, FormError> {
+        if tree::depth(&tokens) > DEPTH_LIMIT {
+            return Err(FormError::TooDeep);
+        }
+        let extent = tree::extent(&tokens, &forms, &mut Place::default(), 0.0);
+        let plan = Plan::new(&tokens, &forms);
+        Ok(Self { tokens, forms, extent, plan })
+    }
+
+    /// Returns the operation at the top with its psi, `None` for a single form.
+    pub fn operation(&self) -> Option<(Operation, Psi)> {
+        match self.tokens[0] {
+            Token::Form => None,
+            Token::Join(Join { operation, psi, .. }) => Some((operation, psi)),
         }
     }
 
-    /// Returns the box of the inside in world space: empty, finite or infinite.
-    pub(crate) fn extent(&self) -> Extent {
-        match self {
-            Self::Form(form) if form.extent().is_empty() => Extent::EMPTY,
-            Self::Form(form) => form.extent().moved(form.origin()),
-            Self::Union(union) => union.extent,
-        }
-    }
-
-    /// Returns a box that holds every inside point, or says that there may be none.
-    pub fn bounds(&self) -> Bounds {
-        self.extent().to_bounds(self.first_form().origin())
+    /// Returns the free forms in the order of the description.
+    pub fn forms(&self) -> &[FreeForm] {
+        &self.forms
     }
 
     /// Returns the number of free forms in the solid.
     pub fn form_count(&self) -> usize {
-        match self {
-            Self::Form(_) => 1,
-            Self::Union(union) => union.parts.iter().map(Self::form_count).sum(),
-        }
+        self.forms.len()
     }
 
-    pub(crate) fn first_form(&self) -> &FreeForm {
-        match self {
-            Self::Form(form) => form,
-            Self::Union(union) => union.parts[0].first_form(),
-        }
+    /// Returns the memory held by the description and by what is derived from it, bytes.
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<Self>()
+            + size_of_val(&self.tokens[..])
+            + self.forms.iter().map(FreeForm::memory_bytes).sum::<usize>()
+            + self.plan.memory_bytes()
     }
 
-    /// Returns the function at `p`: not negative inside. Parts of a union are joined by psi from the first to the last.
+    /// Returns the box of the inside in world space: empty, finite or infinite.
+    pub(crate) fn extent(&self) -> Extent {
+        self.extent
+    }
+
+    /// Returns the origin of the first form: a point that has to do with the solid, where it has no box.
+    pub(crate) fn home(&self) -> DVec3 {
+        self.forms[0].origin()
+    }
+
+    /// Returns a box that holds every inside point, or says that there may be none.
+    pub fn bounds(&self) -> Bounds {
+        self.extent.to_bounds(self.home())
+    }
+
+    /// Returns the function at `p`: not negative inside. Parts are joined by psi from the first to the last.
     pub fn value(&self, p: DVec3) -> f64 {
-        match self {
-            Self::Form(form) => form.value(p),
-            Self::Union(union) => union
-                .parts
-                .iter()
-                .map(|part| part.value(p))
-                .reduce(|f, g| union.psi.value(f, g))
-                .unwrap_or(f64::NEG_INFINITY),
-        }
+        tree::evaluate(&self.tokens, &mut Place::default(), &mut |form| self.forms[form].value(p))
     }
 
     /// Returns the gradient of the function at `p`; on the surface it points inwards.
     ///
     /// Where it does not exist, on a seam of a union, it is one of its one-sided limits (maximum) or the sum of those of the parts (R-function).
     pub fn gradient(&self, p: DVec3) -> DVec3 {
-        self.local_linear(p).gradient
+        self.local_linear(p, Place::default()).gradient
     }
 
-    /// Returns value and gradient at `p` with the size of the terms that the gradient was summed from.
-    pub(crate) fn local_linear(&self, p: DVec3) -> LocalLinear {
-        match self {
-            Self::Form(form) => {
-                LocalLinear { value: form.value(p), gradient: form.gradient(p), weight: form.gradient_weight(p) }
-            }
-            Self::Union(union) => {
-                let parts = union.parts.iter().map(|part| part.local_linear(p));
-                parts.reduce(|f, g| union.psi.join(f, g)).unwrap_or(LocalLinear {
-                    value: f64::NEG_INFINITY,
-                    gradient: DVec3::ZERO,
-                    weight: 0.0,
-                })
-            }
-        }
+    /// Returns value and gradient of a subtree at `p` with the size of the terms that the gradient was summed from.
+    pub(crate) fn local_linear(&self, p: DVec3, mut place: Place) -> LocalLinear {
+        tree::evaluate(&self.tokens, &mut place, &mut |form| self.forms[form].local_linear(p))
     }
 
     /// Returns the solid moved by `transform`.
@@ -193,18 +175,22 @@ impl Solid {
     /// # Errors
     /// The transformation is singular or not finite, or coefficients overflow.
     pub fn transformed(&self, transform: &DAffine3) -> Result<Self, FormError> {
-        match self {
-            Self::Form(form) => form.transformed(transform).map(Self::Form),
-            Self::Union(union) => {
-                let parts = union.parts.iter().map(|part| part.transformed(transform)).collect::<Result<_, _>>()?;
-                Self::union(union.psi, parts)
-            }
-        }
+        let forms = self.forms.iter().map(|form| form.transformed(transform)).collect::<Result<_, _>>()?;
+        Self::new(self.tokens.clone(), forms)
+    }
+}
+
+impl PartialEq for Solid {
+    fn eq(&self, other: &Self) -> bool {
+        self.tokens == other.tokens && self.forms == other.forms
     }
 }
 
 impl From<FreeForm> for Solid {
     fn from(form: FreeForm) -> Self {
-        Self::Form(form)
+        let extent = form.extent_at(0.0);
+        let (tokens, forms) = (vec![Token::Form], vec![form]);
+        let plan = Plan::new(&tokens, &forms);
+        Self { tokens, forms, extent, plan }
     }
 }

@@ -15,7 +15,7 @@ impl Solid {
     pub fn texture_coordinates(&self, p: DVec3) -> DVec2 {
         let extent = self.extent();
         if extent.is_empty() || !extent.is_finite() {
-            let v = p - self.first_form().origin();
+            let v = p - self.home();
             return DVec2::new(v.x, -v.z);
         }
         let v = p - 0.5 * (extent.min + extent.max);

@@ -13,11 +13,13 @@ use glam::DVec3;
 use crate::{
     Crossing, FreeForm, Perturbation, Quadric, Ray,
     bernstein::Cube,
+    bounds::Extent,
+    buffer::Buffer,
     quadratic::{Quadratic, Roots},
     sextic::Sextic,
 };
 
-/// Up to so many perturbations a ray uses the stack alone; beyond, one allocation a ray.
+/// Rays near up to `LARGE` perturbations use the stack alone; for more there are a few allocations a ray.
 const SMALL: usize = 8;
 /// See `SMALL`; the larger arrays cost 4 KB of zeros.
 const LARGE: usize = 32;
@@ -34,29 +36,34 @@ const POINT_ROUNDING: f64 = 4.0 * f64::EPSILON;
 pub(crate) struct Local {
     pub(crate) p: DVec3,
     pub(crate) d: DVec3,
-    t0: f64,
+    pub(crate) t0: f64,
     /// Ends of the ray.
     t_min: f64,
     t_max: f64,
     /// Ends of the ray in the box of the form, less t0.
-    lo: f64,
-    hi: f64,
+    pub(crate) lo: f64,
+    pub(crate) hi: f64,
     /// Lengths of p and d.
     p_length: f64,
     d_length: f64,
     /// Rounding error of the start, where the ray starts at its own start and not at the form's box.
-    start_error: Option<f64>,
+    pub(crate) start_error: Option<f64>,
 }
 
 impl Local {
     /// Moves the ray to the form, cut to its box; `None` where it misses that.
     #[inline]
     fn new(form: &FreeForm, ray: &Ray) -> Option<Self> {
-        let extent = form.extent();
+        Self::within(form.extent(), form.origin(), ray)
+    }
+
+    /// Moves the ray to `home`, cut to a box relative to that; `None` where it misses the box.
+    #[inline]
+    pub(crate) fn within(extent: &Extent, home: DVec3, ray: &Ray) -> Option<Self> {
         if !ray.is_sound() || extent.is_empty() {
             return None;
         }
-        let (o, d) = (ray.origin - form.origin(), ray.direction);
+        let (o, d) = (ray.origin - home, ray.direction);
         let (near, far) = extent.clip(o, d, ray.t_min, ray.t_max)?;
         let middle = 0.5 * (extent.min + extent.max);
         let middle = DVec3::select(middle.is_finite_mask(), middle, DVec3::ZERO);
@@ -64,7 +71,7 @@ impl Local {
         let p = o + t0 * d;
         let d_length = d.length();
         let start_error = (near == ray.t_min && near.is_finite()).then(|| {
-            let largest = ray.origin.length() + form.origin().length() + near.abs() * d_length;
+            let largest = ray.origin.length() + home.length() + near.abs() * d_length;
             POINT_ROUNDING * largest
         });
         let local = Self {
@@ -107,7 +114,8 @@ impl Bump {
 
     /// Returns the perturbation along the ray if it acts anywhere on it.
     #[inline]
-    fn new(index: usize, perturbation: &Perturbation, local: &Local) -> Option<Self> {
+    fn new(index: usize, perturbations: &[Perturbation], local: &Local) -> Option<Self> {
+        let perturbation = &perturbations[index];
         let quadratic = perturbation.quadric.along(local.p, local.d);
         let (lo, hi, outside) = match quadratic.roots() {
             Roots::None => {
@@ -154,14 +162,19 @@ pub(crate) fn walk(form: &FreeForm, ray: &Ray, visit: impl FnMut(Crossing) -> Co
         return Walked { starts_inside: false, ends_inside: false };
     };
     const AFTER_SMALL: usize = SMALL + 1;
-    match form.perturbations().len() {
-        0 => walk_with::<0, 3>(form, &local, visit),
-        1..=SMALL => walk_with::<SMALL, { 2 * SMALL + 3 }>(form, &local, visit),
-        AFTER_SMALL..=LARGE => walk_with::<LARGE, { 2 * LARGE + 3 }>(form, &local, visit),
+    let mut near = Buffer::<u32, LARGE>::new(0);
+    form.near_ray(local.p, local.d, local.lo, local.hi, |index| near.push(index));
+    // In the order of the form, so that what is far away changes no bit of a sum.
+    near.entries_mut().sort_unstable();
+    let near = near.entries();
+    match near.len() {
+        0 => walk_with::<0, 3>(form, &local, near, visit),
+        1..=SMALL => walk_with::<SMALL, { 2 * SMALL + 3 }>(form, &local, near, visit),
+        AFTER_SMALL..=LARGE => walk_with::<LARGE, { 2 * LARGE + 3 }>(form, &local, near, visit),
         n => {
             let (mut bumps, mut acting, mut breaks) = (vec![Bump::NONE; n], vec![Cube::ZERO; n], vec![0.0; 2 * n + 3]);
             let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, breaks: &mut breaks };
-            walk_pieces(form, &local, scratch, visit)
+            walk_pieces(form, &local, near, scratch, visit)
         }
     }
 }
@@ -170,24 +183,25 @@ pub(crate) fn walk(form: &FreeForm, ray: &Ray, visit: impl FnMut(Crossing) -> Co
 fn walk_with<const N: usize, const BREAKS: usize>(
     form: &FreeForm,
     local: &Local,
+    near: &[u32],
     visit: impl FnMut(Crossing) -> ControlFlow<()>,
 ) -> Walked {
     let (mut bumps, mut acting, mut breaks) = ([Bump::NONE; N], [Cube::ZERO; N], [0.0; BREAKS]);
     let scratch = Scratch { bumps: &mut bumps, acting: &mut acting, breaks: &mut breaks };
-    walk_pieces(form, local, scratch, visit)
+    walk_pieces(form, local, near, scratch, visit)
 }
 
 /// Cuts the ray into pieces and walks them.
 fn walk_pieces(
     form: &FreeForm,
     local: &Local,
+    near: &[u32],
     scratch: Scratch<'_>,
     visit: impl FnMut(Crossing) -> ControlFlow<()>,
 ) -> Walked {
     let Scratch { bumps, acting, breaks } = scratch;
     let mut count = 0;
-    let perturbations = form.perturbations().iter().enumerate();
-    for bump in perturbations.filter_map(|(index, perturbation)| Bump::new(index, perturbation, local)) {
+    for bump in near.iter().filter_map(|&index| Bump::new(index as usize, form.perturbations(), local)) {
         bumps[count] = bump;
         count += 1;
     }
@@ -196,16 +210,7 @@ fn walk_pieces(
 
     let base = form.base().along(local.p, local.d);
     let base_weight = form.base().weight_along(local.p, local.d);
-    let mut walker = Walker {
-        t0: local.t0,
-        t_min: local.t_min,
-        t_max: local.t_max,
-        state: None,
-        initial: None,
-        last: local.lo,
-        pending: None,
-        visit,
-    };
+    let mut walker = Walker::new(local, visit);
     let mut start_noise = local.start_error.map(|error| start_noise(form, base_weight, bumps, local, error));
     for piece in breaks.windows(2) {
         let &[lo, hi] = piece else { continue };
@@ -231,11 +236,7 @@ fn walk_pieces(
             break;
         }
     }
-    // A ray that stays in the surface is inside, for the solid is closed; at the edge of the box that is only rounding.
-    let initial = walker.initial.unwrap_or(local.start_error.is_some());
-    // A crossing at the very end has nothing beyond it.
-    let last = walker.state.unwrap_or(initial);
-    Walked { starts_inside: initial, ends_inside: last != walker.pending.is_some() }
+    walker.finish(local.start_error.is_some())
 }
 
 /// Writes the ends of the pieces in order: both ends of the ray, the roots between, and 0 between two infinite ends.
@@ -304,6 +305,21 @@ pub(crate) struct Walker<V> {
 }
 
 impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
+    /// Returns a walker at the start of a ray.
+    pub(crate) fn new(local: &Local, visit: V) -> Self {
+        let Local { t0, t_min, t_max, lo, .. } = *local;
+        Self { t0, t_min, t_max, state: None, initial: None, last: lo, pending: None, visit }
+    }
+
+    /// Returns what is known at the end.
+    pub(crate) fn finish(self, starts_in_reach: bool) -> Walked {
+        // A ray that stays in the surface is inside, for the solid is closed; at the edge of the box that is only rounding.
+        let initial = self.initial.unwrap_or(starts_in_reach);
+        // A crossing at the very end has nothing beyond it.
+        let last = self.state.unwrap_or(initial);
+        Walked { starts_inside: initial, ends_inside: last != self.pending.is_some() }
+    }
+
     /// Takes note that the function has one sign from `lo` to `hi`. After the other sign that is a crossing: in the middle of what rounding hides between the two.
     #[inline]
     pub(crate) fn stretch(&mut self, lo: f64, hi: f64, inside: bool) -> ControlFlow<()> {
@@ -313,7 +329,7 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
             None => self.initial = Some(inside),
             Some(side) if side != inside => {
                 let s = if lo > last { 0.5 * (last + lo) } else { lo };
-                self.cross(Crossing { t: (self.t0 + s).clamp(self.t_min, self.t_max), entering: inside })?;
+                self.cross(Crossing { t: (self.t0 + s).clamp(self.t_min, self.t_max), entering: inside, part: 0 })?;
             }
             Some(_) => {}
         }

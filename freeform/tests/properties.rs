@@ -127,7 +127,7 @@ proptest! {
 
 #[test]
 fn limits_are_refused() {
-    assert_eq!(Solid::union(Psi::Maximum, vec![]), Err(FormError::EmptyUnion), "a union of nothing");
+    assert_eq!(Solid::union(Psi::Maximum, vec![]), Err(FormError::Empty("union")), "a union of nothing");
     let mut nested = Solid::from(FreeForm::new(Quadric::sphere(DVec3::ZERO, 1.0).unwrap(), vec![]).unwrap());
     for _ in 0..DEPTH_LIMIT {
         nested = Solid::union(Psi::RFunction, vec![nested]).unwrap();
@@ -184,7 +184,7 @@ fn files_are_read_back_and_checked() {
     };
     refused(r#"{"form":{"base":[0,0,0,0,0,0,0,0,0,0]}}"#, "all ten");
     refused(r#"{"form":{"base":[1,0,0,0,0,0,0,0,0]}}"#, "length 9");
-    refused(r#"{"union":{"parts":[]}}"#, "at least one part");
+    refused(r#"{"union":{"parts":[]}}"#, "at least one");
     refused(r#"{"form":{"base":[1,0,0,0,0,0,0,0,0,0],"size":1}}"#, "size");
     let deep = format!(r#"{}{{"form":{form}}}{}"#, r#"{"union":{"parts":["#.repeat(40), "]}}".repeat(40));
     refused(&deep, "deeper");

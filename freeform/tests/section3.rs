@@ -238,7 +238,7 @@ fn coincident_faces_in_a_union() {
         assert!((a[0].t_in * d.x - 0.5).abs() < 1e-15 && (a[0].t_out * d.x - 2.5).abs() < 1e-14, "{a:?}");
         let start_inside = ray.between(1.0 / d.x, f64::INFINITY);
         let exit = maximum.first_hit(&start_inside);
-        assert_eq!(exit, Some(Crossing { t: a[0].t_out, entering: false }), "the exit is the far face");
+        assert_eq!(exit, Some(Crossing { t: a[0].t_out, entering: false, part: 1 }), "the exit is the far face");
     }
     difference(&a, &b, &mut Vec::new());
     let mut left = vec![Interval { t_in: 0.0, t_out: 1.0 }];
@@ -303,11 +303,11 @@ fn start_on_or_inside() {
     let start = Ray::new(DVec3::X, -DVec3::X);
     sphere.intervals(&start, &mut inside);
     assert_eq!(inside, [Interval { t_in: 0.0, t_out: 2.0 }], "the start belongs to the stretch");
-    assert_eq!(sphere.first_hit(&start), Some(Crossing { t: 2.0, entering: false }), "only the exit is a hit");
+    assert_eq!(sphere.first_hit(&start), Some(Crossing { t: 2.0, entering: false, part: 0 }), "only the exit is a hit");
     assert_eq!(sphere.first_hit(&Ray::new(DVec3::X, DVec3::X)), None, "leaving meets nothing");
     assert_eq!(
         sphere.first_hit(&Ray::new(DVec3::ZERO, DVec3::Y)),
-        Some(Crossing { t: 1.0, entering: false }),
+        Some(Crossing { t: 1.0, entering: false, part: 0 }),
         "from inside"
     );
     sphere.intervals(&Ray::new(DVec3::ZERO, DVec3::Y).between(0.25, 0.5), &mut inside);

@@ -97,9 +97,15 @@ fn check_indices(
     }
 }
 
+/// Parts of a solid are numbered by the whole numbers that an f32 holds.
+const MAX_PARTS: usize = 1 << 24;
+
 fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), BuildError> {
     if form.material as usize >= materials {
         return Err(BuildError::Form { form: form.name.clone(), index, what: "its material does not exist" });
+    }
+    if form.solid.form_count() > MAX_PARTS {
+        return Err(BuildError::Form { form: form.name.clone(), index, what: "it has more than 16 million parts" });
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use freeform::{Bounds, Solid};
 use glam::{Vec2, Vec3A};
 
-use crate::{Aabb, Ray};
+use crate::{Aabb, Hit, Ray};
 
 /// A free form with what a ray needs to know of it.
 #[derive(Debug)]
@@ -43,14 +43,15 @@ impl Form {
 
     /// Returns where the ray first crosses the surface, where `keep` says that it is there.
     #[inline]
-    pub(crate) fn first_hit(&self, ray: &Ray, keep: impl Fn(f32) -> bool) -> Option<f32> {
+    pub(crate) fn first_hit(&self, primitive: u32, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let mut range = double_ray(ray);
         loop {
             let crossing = self.solid.first_hit(&range)?;
             #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
             let t = crossing.t as f32;
-            if t > ray.t_min && t < ray.t_max && (!self.cut_out || keep(t)) {
-                return Some(t);
+            let hit = Hit { t, primitive, barycentrics: Vec2::new(crossing.part as f32, 0.0) };
+            if t > ray.t_min && t < ray.t_max && (!self.cut_out || keep(&hit)) {
+                return Some(hit);
             }
             range.t_min = crossing.t + STEP * crossing.t.abs().max(STEP);
             if range.t_min >= range.t_max {
@@ -59,20 +60,28 @@ impl Form {
         }
     }
 
-    /// Returns the point at parameter `t` of a ray.
-    pub(crate) fn point(&self, ray: &Ray, t: f32) -> FormPoint {
+    /// Returns the point where a ray hit the form.
+    pub(crate) fn point(&self, ray: &Ray, hit: &Hit) -> FormPoint {
+        let t = hit.t;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "the number of a part, from first_hit"
+        )]
+        let part = hit.barycentrics.x as u32;
         let direction = ray.direction.as_dvec3();
         let mut p = ray.origin.as_dvec3() + direction * f64::from(t);
         // t was rounded: one step of Newton's method along the ray brings the point back to the surface.
-        let slope = self.solid.gradient(p).dot(direction);
-        let step = -self.solid.value(p) / slope;
+        let (value, gradient) = self.solid.first_order(part, p);
+        let step = -value / gradient.dot(direction);
         let reach = f64::from(f32::EPSILON) * f64::from(t);
         if step.abs() <= reach {
             p += direction * step;
         }
-        let n = self.solid.normal(p, direction);
+        let n = self.solid.normal_at(part, p, direction);
         // What is still missing, to first order.
-        let missed = (self.solid.value(p) / self.solid.gradient(p).length()).abs();
+        let (value, gradient) = self.solid.first_order(part, p);
+        let missed = (value / gradient.length()).abs();
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let missed = if missed <= reach { missed as f32 } else { (reach as f32).abs() };
         let rounded = p.as_vec3a();

@@ -48,6 +48,6 @@ pub struct Hit {
     pub t: f32,
     /// Index of what was hit: the triangles of all meshes in their order, then the free forms.
     pub primitive: u32,
-    /// Weights of the triangle's second and third corner; zero on a free form.
+    /// Weights of the triangle's second and third corner. On a free form x is the number of the part that was hit.
     pub barycentrics: Vec2,
 }

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use freeform::Solid;
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec3, Vec3A};
 
 use crate::bvh::{Bvh, Primitive};
 use crate::check;
@@ -115,9 +115,7 @@ impl Scene {
             for &form in &self.unbounded {
                 range.t_max = nearest.map_or(ray.t_max, |hit| hit.t);
                 let primitive = self.form_primitive(form);
-                if let Some(t) = self.meet_form(primitive, &range, ray) {
-                    nearest = Some(Hit { t, primitive, barycentrics: Vec2::ZERO });
-                }
+                nearest = self.meet_form(primitive, &range, ray).or(nearest);
             }
         }
         nearest
@@ -161,7 +159,7 @@ impl Scene {
             }
         } else {
             let form = &self.forms[index - self.triangles.len()];
-            let point = form.point(ray, hit.t);
+            let point = form.point(ray, hit);
             let front = point.n.dot(wo) >= 0.0;
             let n = if front { point.n } else { -point.n };
             Surface {
@@ -302,9 +300,9 @@ impl Scene {
 
     /// Returns where a ray of shortened range meets a free form; `whole` is the ray before, whose bits decide about holes.
     #[inline]
-    fn meet_form(&self, primitive: u32, range: &Ray, whole: &Ray) -> Option<f32> {
+    fn meet_form(&self, primitive: u32, range: &Ray, whole: &Ray) -> Option<Hit> {
         let form = &self.forms[primitive as usize - self.triangles.len()];
-        form.first_hit(range, |t| self.is_there(whole, &Hit { t, primitive, barycentrics: Vec2::ZERO }))
+        form.first_hit(primitive, range, |hit| self.is_there(whole, hit))
     }
 
     /// Whether a surface that may have holes is there for this ray.
@@ -313,7 +311,7 @@ impl Scene {
         let index = hit.primitive as usize;
         let (material, uv) = match index.checked_sub(self.triangles.len()) {
             None => (self.triangles.material(index), self.triangles.uv(index, hit.barycentrics)),
-            Some(form) => (self.forms[form].material, self.forms[form].point(ray, hit.t).uv),
+            Some(form) => (self.forms[form].material, self.forms[form].point(ray, hit).uv),
         };
         let material = &self.materials[material as usize];
         let mask = material.opacity_texture.map_or(1.0, |texture| self.textures[texture as usize].mask(uv));

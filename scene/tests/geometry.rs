@@ -37,7 +37,7 @@ fn built(meshes: Vec<Mesh>, material: Material) -> Scene {
 }
 
 fn sphere(centre: DVec3, radius: f64, material: Material) -> Scene {
-    let solid = Solid::Form(FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form"));
+    let solid = Solid::from(FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form"));
     let forms = vec![FormObject { name: "ball".into(), solid, material: 0 }];
     Scene::new(Description { forms, materials: vec![material], ..Description::default() }).expect("a right scene")
 }
@@ -228,7 +228,7 @@ fn free_forms_are_met_exactly_and_left_safely() {
 
 #[test]
 fn unbounded_forms_stand_beside_the_tree() {
-    let ground = Solid::Form(FreeForm::new(Quadric::half_space(DVec3::ZERO, DVec3::Y).unwrap(), vec![]).unwrap());
+    let ground = Solid::from(FreeForm::new(Quadric::half_space(DVec3::ZERO, DVec3::Y).unwrap(), vec![]).unwrap());
     let forms = vec![FormObject { name: "ground".into(), solid: ground, material: 0 }];
     let meshes = vec![quad(Vec3::Y, Vec3::Z, Vec3::X)];
     let scene =

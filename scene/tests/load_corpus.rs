@@ -5,7 +5,6 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use scene::freeform::Solid;
 use scene::{LoadOptions, Loaded, SpecularKind, load};
 
 fn data(name: &str) -> PathBuf {
@@ -176,7 +175,7 @@ fn the_default_scene_has_what_it_should_show() {
         "a camera, and a lamp in place of a sky"
     );
     let of = |name: &str| description.forms.iter().find(|form| form.name == name).expect("the form");
-    assert!(matches!(&of("sculpture").solid, Solid::Form(form) if form.perturbations().len() == 3), "perturbations");
+    assert_eq!(of("sculpture").solid.forms()[0].perturbations().len(), 3, "perturbations");
     assert_eq!(of("pair").solid.form_count(), 2, "a union of two");
     let glass = &description.materials[of("lens").material as usize];
     assert!(matches!(glass.specular, SpecularKind::Dielectric { ior: 1.5, .. }), "glass");

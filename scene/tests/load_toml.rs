@@ -3,7 +3,7 @@
 mod common;
 
 use common::{assert_refused, load_files};
-use scene::freeform::{Psi, Solid};
+use scene::freeform::{Operation, Psi};
 use scene::glam::{DVec3, UVec2, Vec3, Vec3A};
 use scene::{FileSettings, Loaded, PunctualLight, SpecularKind, load_embedded};
 
@@ -102,8 +102,8 @@ fn a_whole_scene_loads() {
     let drop = &description.forms[0].solid;
     assert!(drop.value(DVec3::new(0.0, 0.0, 3.9)) > 0.0 && drop.value(DVec3::ZERO) < 0.0, "moved");
     assert!(drop.value(DVec3::new(1.01, 0.0, 3.0)) > 0.0, "swollen at the right");
-    let Solid::Union(union) = &description.forms[1].solid else { panic!("a union") };
-    assert_eq!((union.psi(), description.forms[1].solid.form_count()), (Psi::RFunction, 2), "nested union");
+    let union = &description.forms[1].solid;
+    assert_eq!((union.operation(), union.form_count()), (Some((Operation::Union, Psi::RFunction)), 2), "nested union");
     assert_eq!(materials[description.forms[1].material as usize].diffuse, Vec3::splat(0.5), "grey without a material");
     assert!(matches!(description.lights[0], PunctualLight::Point { .. }), "point");
     let expected = PunctualLight::Directional { direction: -Vec3::Y, irradiance: Vec3::new(1.0, 1.0, 0.5) };
@@ -122,6 +122,22 @@ fn all_named_quadrics_load() {
             [1.9, 4.0, 0.0],
             [2.1, 4.0, 0.0],
         ),
+        (
+            "one_sheet = { center = [1, 0, 0], axis = [0, 1, 0], radius = 2, slope = 1 }",
+            [2.9, 0.0, 0.0],
+            [3.1, 0.0, 0.0],
+        ),
+        (
+            "two_sheets = { center = [1, 0, 0], axis = [0, 1, 0], height = 2, slope = 1 }",
+            [1.0, 2.1, 0.0],
+            [1.0, 1.9, 0.0],
+        ),
+        (
+            "saddle = { point = [0, 1, 0], axis = [0, 1, 0], along = [1, 0, 0], rise = 1, fall = 2 }",
+            [1.0, 1.9, 0.0],
+            [0.0, -0.9, 1.0],
+        ),
+        ("plane = { point = [0, 1, 0], normal = [0, 3, 0] }", [7.0, 0.9, 7.0], [7.0, 1.1, 7.0]),
         ("half_space = { point = [0, 1, 0], normal = [0, 3, 0] }", [7.0, 0.9, 7.0], [7.0, 1.1, 7.0]),
         ("slab = { point = [0, 1, 0], normal = [0, 1, 0], half_thickness = 0.5 }", [7.0, 0.6, 0.0], [7.0, 0.4, 0.0]),
         ("coefficients = [-1, -1, -1, 0, 0, 0, 0, 0, 0, 4]", [1.9, 0.0, 0.0], [2.1, 0.0, 0.0]),
@@ -176,7 +192,7 @@ fn faults_are_refused_by_line_and_field() {
         ("[[form]]\nquadric.sphere = { center = [0, 0, 0], radiu = 1 }", 2, "unknown field 'radiu'; write 'radius'"),
         ("[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 0 }", 2, "radius: 0 is out of range"),
         ("[[form]]\nname = \"x\"", 1, "a form without a quadric"),
-        ("[[form]]\nunion = []", 1, "a union needs at least one part"),
+        ("[[form]]\nunion = []", 1, "no parts in the union"),
         (
             "[[form]]\npsi = \"min\"\nunion = [{ quadric.sphere = { center = [0, 0, 0], radius = 1 } }]",
             2,
@@ -187,6 +203,28 @@ fn faults_are_refused_by_line_and_field() {
             4,
             "a form without a quadric",
         ),
+        ("[[form]]\ndifference = [\n]", 1, "no parts in the difference"),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nclip = { min = [0, 0, 0], max = [1, 0, 1] }",
+            3,
+            "a clip without inside",
+        ),
+        (
+            "[[form]]\ncomplement = { quadric.sphere = { center = [0, 0, 0], radius = 1 } }\nunion = []",
+            1,
+            "both union and complement",
+        ),
+        (
+            "[[form]]\npsi = { blend = { width = 0 } }\nunion = [{ quadric.sphere = { center = [0, 0, 0], radius = 1 } }]",
+            2,
+            "width: 0 is out of range",
+        ),
+        (
+            "[[form]]\nquadric.coefficients = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]",
+            2,
+            "all ten coefficients of a quadric are zero",
+        ),
+        ("[[form]]\nquadric.coefficients = [1, 0, 0, 0, nan, 0, 0, 0, 0, 0]", 2, "NaN at index 4 is out of range"),
         ("[[form]]\nscale = 0\nquadric.sphere = { center = [0, 0, 0], radius = 1 }", 2, "the scale is zero"),
         ("[[light]]\npoint = { position = [0, 0, 0], intensity = -1 }", 2, "intensity: -1 is out of range"),
         ("[[light]]\ndirectional = { direction = [0, 0, 0], irradiance = 1 }", 2, "a direction of length zero"),
@@ -257,7 +295,7 @@ fn deep_nesting_is_refused() {
     let nested =
         |depth: usize| format!("[[form]]\nunion = {}{ball}{}\n", "[{union=".repeat(depth - 1), "}]".repeat(depth - 1));
     assert_eq!(loaded(&nested(32)).description.forms[0].solid.form_count(), 1, "32 unions");
-    refused(&nested(33), 1, "unions are nested deeper than 32");
+    refused(&nested(33), 1, "set operations are nested deeper than 32");
 }
 
 #[test]

@@ -105,7 +105,7 @@ impl Builder {
     }
 
     fn form(mut self, base: Quadric, material: Material) -> Self {
-        let solid = Solid::Form(FreeForm::new(base, Vec::new()).expect("a form without perturbations"));
+        let solid = Solid::from(FreeForm::new(base, Vec::new()).expect("a form without perturbations"));
         let material = self.material(material);
         self.description.forms.push(FormObject { name: String::new(), solid, material });
         self

@@ -1,6 +1,6 @@
 //! Rays through the tree: the nearest hit, or any.
 
-use glam::{Vec2, Vec4};
+use glam::Vec4;
 
 use super::packet::{CUT_OUT, FORM, PRIMITIVE, ShearedRay};
 use super::{Bvh, Node};
@@ -59,7 +59,7 @@ impl Bvh {
     pub(crate) fn closest(
         &self,
         ray: &Ray,
-        form: impl Fn(u32, &Ray) -> Option<f32>,
+        form: impl Fn(u32, &Ray) -> Option<Hit>,
         keep: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
         let mut nearest = None;
@@ -76,7 +76,7 @@ impl Bvh {
 
     /// Whether there is any hit; the arguments are those of [`Bvh::closest`].
     #[inline]
-    pub(crate) fn any(&self, ray: &Ray, form: impl Fn(u32, &Ray) -> Option<f32>, keep: impl Fn(&Hit) -> bool) -> bool {
+    pub(crate) fn any(&self, ray: &Ray, form: impl Fn(u32, &Ray) -> Option<Hit>, keep: impl Fn(&Hit) -> bool) -> bool {
         let mut found = false;
         self.traverse::<true>(ray, |bvh, packet, sheared| {
             found = bvh.meet_packet::<true>(packet, ray, sheared, &form, &keep).is_some();
@@ -161,7 +161,7 @@ impl Bvh {
         packet: usize,
         ray: &Ray,
         sheared: &ShearedRay,
-        form: &impl Fn(u32, &Ray) -> Option<f32>,
+        form: &impl Fn(u32, &Ray) -> Option<Hit>,
         keep: &impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
         let packet = &self.packets[packet];
@@ -185,9 +185,9 @@ impl Bvh {
         for lane in packet.primitives {
             if lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE {
                 let primitive = lane & PRIMITIVE;
-                if let Some(t) = form(primitive, &Ray { t_max, ..*ray }) {
-                    t_max = t;
-                    nearest = Some(Hit { t, primitive, barycentrics: Vec2::ZERO });
+                if let Some(hit) = form(primitive, &Ray { t_max, ..*ray }) {
+                    t_max = hit.t;
+                    nearest = Some(hit);
                     if ANY {
                         return nearest;
                     }

@@ -185,12 +185,9 @@ fn form(
     source: &Source,
 ) -> Result<FormObject, LoadError> {
     let place = source.place(table.span());
-    let FormTable { name, material, scale, rotate, translate, .. } = table.get_ref();
+    let FormTable { name, material, .. } = table.get_ref();
     check_name(name, place)?;
-    let mut solid = forms::solid(table, source)?;
-    if let Some(transform) = transformation(*scale, *rotate, *translate) {
-        solid = solid.transformed(&transform).map_err(|error| forms::refused(&error, table.span(), source))?;
-    }
+    let solid = forms::solid(table, source)?;
     let material = match material {
         Some(name) => named(name, names, source)?,
         None => loader.default_material(place)?,
@@ -295,7 +292,11 @@ fn inline_mesh(
 }
 
 /// Scale, then rotations about x, y and z, then translation; `None` where nothing is asked.
-fn transformation(scale: Option<Scale>, rotate: Option<Angles>, translate: Option<Point>) -> Option<DAffine3> {
+pub(super) fn transformation(
+    scale: Option<Scale>,
+    rotate: Option<Angles>,
+    translate: Option<Point>,
+) -> Option<DAffine3> {
     if scale.is_none() && rotate.is_none() && translate.is_none() {
         return None;
     }

@@ -1,82 +1,151 @@
 //! Free forms of a scene file.
 
-use freeform::{FormError, FreeForm, Perturbation, Psi, Quadric, Solid};
-use glam::DVec3;
+use std::ops::Range;
+
+use freeform::{FormError, FreeForm, Operation, Perturbation, Psi, Quadric, Solid};
+use glam::{DAffine3, DVec3};
 use toml::Spanned;
 
 use super::Source;
-use super::schema::{FormTable, PartTable, PerturbationTable, QuadricTable};
-use super::values::Point;
+use super::build::transformation;
+use super::schema::{ClipTable, FormTable, PartTable, PerturbationTable, PsiTable, QuadricTable};
+use super::values::{Length, Point};
 use crate::load::error::LoadError;
 
-/// Makes the solid of a `[[form]]`, before its transformation.
+/// Makes the solid of a `[[form]]`.
 pub(super) fn solid(table: &Spanned<FormTable>, source: &Source) -> Result<Solid, LoadError> {
-    let FormTable { origin, quadric, perturbations, union, psi, .. } = table.get_ref();
-    let shape = Shape {
-        span: table.span(),
-        origin: *origin,
-        quadric: quadric.as_ref(),
-        perturbations,
-        union: union.as_deref(),
-        psi: *psi,
+    let span = table.span();
+    let table = table.get_ref();
+    let form = FormShape {
+        origin: table.origin,
+        quadric: table.quadric.as_ref(),
+        perturbations: &table.perturbations,
+        weight: table.weight,
     };
-    shape.solid(source)
+    let operations = [
+        (Operation::Union, table.union.as_deref()),
+        (Operation::Intersection, table.intersection.as_deref()),
+        (Operation::Difference, table.difference.as_deref()),
+        (Operation::Complement, table.complement.as_deref().map(std::slice::from_ref)),
+    ];
+    let transform = transformation(table.scale, table.rotate, table.translate);
+    Shape { span, form, operations, psi: table.psi, clip: table.clip.as_ref(), transform }.solid(source)
 }
 
-/// What forms and parts of unions have in common.
+/// Makes the solid of a part of a set operation. It calls itself for parts of parts, as deep as the reader of the file allows.
+fn part(table: &Spanned<PartTable>, source: &Source) -> Result<Solid, LoadError> {
+    let span = table.span();
+    let table = table.get_ref();
+    let form = FormShape {
+        origin: table.origin,
+        quadric: table.quadric.as_ref(),
+        perturbations: &table.perturbations,
+        weight: table.weight,
+    };
+    let operations = [
+        (Operation::Union, table.union.as_deref()),
+        (Operation::Intersection, table.intersection.as_deref()),
+        (Operation::Difference, table.difference.as_deref()),
+        (Operation::Complement, table.complement.as_deref().map(std::slice::from_ref)),
+    ];
+    let transform = transformation(table.scale, table.rotate, table.translate);
+    Shape { span, form, operations, psi: table.psi, clip: table.clip.as_ref(), transform }.solid(source)
+}
+
+/// What forms and parts have in common.
 struct Shape<'a> {
-    span: std::ops::Range<usize>,
+    span: Range<usize>,
+    form: FormShape<'a>,
+    operations: [(Operation, Option<&'a [Spanned<PartTable>]>); 4],
+    psi: Option<PsiTable>,
+    clip: Option<&'a Spanned<ClipTable>>,
+    transform: Option<DAffine3>,
+}
+
+/// A single free form.
+struct FormShape<'a> {
     origin: Option<Point>,
     quadric: Option<&'a Spanned<QuadricTable>>,
     perturbations: &'a [Spanned<PerturbationTable>],
-    union: Option<&'a [Spanned<PartTable>]>,
-    psi: Option<Psi>,
+    weight: Option<Length>,
 }
 
 impl Shape<'_> {
-    fn solid(&self, source: &Source) -> Result<Solid, LoadError> {
+    fn solid(self, source: &Source) -> Result<Solid, LoadError> {
         let place = source.place(self.span.clone());
-        match (self.quadric, self.union) {
-            (Some(base), None) => {
-                if self.psi.is_some() {
-                    return Err(place.invalid("psi without a union", "remove psi, or write union = [...]"));
+        let refuse = |error| refused(&error, self.span.clone(), source);
+        let mut given = self.operations.iter().filter_map(|(operation, parts)| parts.map(|parts| (*operation, parts)));
+        let mut solid = match (self.form.quadric, given.next(), given.next()) {
+            (Some(_), None, _) if self.psi.is_some() => {
+                return Err(place.invalid("psi without a set operation", "remove psi, or write union = [...]"));
+            }
+            (Some(base), None, _) => Solid::from(self.form.form(base, &self.span, source)?),
+            (None, Some((operation, parts)), None) => {
+                if !self.form.perturbations.is_empty() || self.form.origin.is_some() || self.form.weight.is_some() {
+                    let what = format!("{} with perturbations, an origin or a weight", operation.name());
+                    return Err(place.invalid(what, "give them to its parts"));
                 }
-                let base = quadric(base, source)?;
-                let perturbation = |table: &Spanned<PerturbationTable>| {
-                    let PerturbationTable { quadric: shape, factor } = table.get_ref();
-                    Ok(Perturbation { quadric: quadric(shape, source)?, factor: factor.0 })
-                };
-                let perturbations = self.perturbations.iter().map(perturbation).collect::<Result<_, LoadError>>()?;
-                let origin = self.origin.map_or(DVec3::ZERO, |point| point.0);
-                let form = FreeForm::with_origin(origin, base, perturbations);
-                form.map(Solid::Form).map_err(|error| refused(&error, self.span.clone(), source))
-            }
-            (None, Some(parts)) => {
-                if !self.perturbations.is_empty() || self.origin.is_some() {
-                    return Err(place.invalid("a union with perturbations or an origin", "give them to its parts"));
+                if operation == Operation::Complement && self.psi.is_some() {
+                    return Err(place.invalid("complement with psi", "remove psi"));
                 }
-                let part = |part: &Spanned<PartTable>| {
-                    let PartTable { origin, quadric, perturbations, union, psi } = part.get_ref();
-                    let union = union.as_deref();
-                    Shape {
-                        span: part.span(),
-                        origin: *origin,
-                        quadric: quadric.as_ref(),
-                        perturbations,
-                        union,
-                        psi: *psi,
-                    }
-                    .solid(source)
-                };
-                let parts = parts.iter().map(part).collect::<Result<_, LoadError>>()?;
-                Solid::union(self.psi.unwrap_or_default(), parts)
-                    .map_err(|error| refused(&error, self.span.clone(), source))
+                let parts = parts.iter().map(|table| part(table, source)).collect::<Result<_, LoadError>>()?;
+                Solid::join(operation, self.psi.map_or(Psi::Maximum, psi), parts).map_err(refuse)?
             }
-            (Some(_), Some(_)) => Err(place.invalid("both a quadric and a union", "keep one")),
-            (None, None) => {
-                Err(place.invalid("a form without a quadric", "write quadric = { sphere = { ... } }, or union = [...]"))
+            (None, Some((first, _)), Some((second, _))) => {
+                let what = format!("both {} and {}", first.name(), second.name());
+                return Err(place.invalid(what, "keep one, or make one a part of the other"));
             }
+            (Some(_), Some((operation, _)), _) => {
+                return Err(place.invalid(format!("both quadric and {}", operation.name()), "keep one"));
+            }
+            (None, None, _) => {
+                let advice = "write quadric = { sphere = { ... } }, or union = [...]";
+                return Err(place.invalid("a form without a quadric", advice));
+            }
+        };
+        if let Some(clip) = self.clip {
+            let ClipTable { min, max } = clip.get_ref();
+            solid = solid.clipped(min.0, max.0).map_err(|error| match error {
+                FormError::OutOfRange(_) => source
+                    .place(clip.span())
+                    .invalid("a clip without inside", "let each coordinate of max exceed that of min"),
+                error => refuse(error),
+            })?;
         }
+        match &self.transform {
+            Some(transform) => solid.transformed(transform).map_err(refuse),
+            None => Ok(solid),
+        }
+    }
+}
+
+impl FormShape<'_> {
+    fn form(&self, base: &Spanned<QuadricTable>, span: &Range<usize>, source: &Source) -> Result<FreeForm, LoadError> {
+        let refuse = |error| refused(&error, span.clone(), source);
+        let base = quadric(base, source)?;
+        let perturbation = |table: &Spanned<PerturbationTable>| {
+            let PerturbationTable { quadric: shape, factor, scale, rotate, translate } = table.get_ref();
+            let mut quadric = quadric(shape, source)?;
+            if let Some(transform) = transformation(*scale, *rotate, *translate) {
+                quadric = quadric.transformed(&transform).map_err(|error| refused(&error, table.span(), source))?;
+            }
+            Ok(Perturbation { quadric, factor: factor.0 })
+        };
+        let perturbations = self.perturbations.iter().map(perturbation).collect::<Result<_, LoadError>>()?;
+        let origin = self.origin.map_or(DVec3::ZERO, |point| point.0);
+        let form = FreeForm::with_origin(origin, base, perturbations).map_err(refuse)?;
+        match self.weight {
+            Some(weight) => form.weighted(weight.0).map_err(refuse),
+            None => Ok(form),
+        }
+    }
+}
+
+fn psi(table: PsiTable) -> Psi {
+    match table {
+        PsiTable::Maximum => Psi::Maximum,
+        PsiTable::RFunction => Psi::RFunction,
+        PsiTable::Blend { width } => Psi::Blend { width: width.0 },
     }
 }
 
@@ -89,6 +158,9 @@ fn quadric(table: &Spanned<QuadricTable>, source: &Source) -> Result<Quadric, Lo
         Q::Cylinder { point, axis, radius } => Quadric::cylinder(point.0, axis.0, radius.0),
         Q::Cone { apex, axis, slope } => Quadric::cone(apex.0, axis.0, slope.0),
         Q::Paraboloid { vertex, axis, focal_length } => Quadric::paraboloid(vertex.0, axis.0, focal_length.0),
+        Q::OneSheet { center, axis, radius, slope } => Quadric::one_sheet(center.0, axis.0, radius.0, slope.0),
+        Q::TwoSheets { center, axis, height, slope } => Quadric::two_sheets(center.0, axis.0, height.0, slope.0),
+        Q::Saddle { point, axis, along, rise, fall } => Quadric::saddle(point.0, axis.0, along.0, rise.0, fall.0),
         Q::HalfSpace { point, normal } => Quadric::half_space(point.0, normal.0),
         Q::Slab { point, normal, half_thickness } => Quadric::slab(point.0, normal.0, half_thickness.0),
     };
@@ -96,7 +168,7 @@ fn quadric(table: &Spanned<QuadricTable>, source: &Source) -> Result<Quadric, Lo
 }
 
 /// The error of a form at its place; its text reads `what; do this`.
-pub(super) fn refused(error: &FormError, span: std::ops::Range<usize>, source: &Source) -> LoadError {
+fn refused(error: &FormError, span: Range<usize>, source: &Source) -> LoadError {
     let text = error.to_string();
     let (what, advice) = text.split_once("; ").unwrap_or((&text, "correct the form"));
     source.place(span).invalid(what, advice)

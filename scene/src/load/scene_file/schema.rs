@@ -2,7 +2,6 @@
 //!
 //! Neither `flatten` nor untagged enums: with either an error names the wrong line (toml-rs/toml#589, #593).
 
-use freeform::Psi;
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -119,22 +118,51 @@ pub(super) struct FormTable {
     pub(super) origin: Option<Point>,
     pub(super) quadric: Option<Spanned<QuadricTable>>,
     pub(super) perturbations: Vec<Spanned<PerturbationTable>>,
+    pub(super) weight: Option<Length>,
     pub(super) union: Option<Vec<Spanned<PartTable>>>,
-    pub(super) psi: Option<Psi>,
+    pub(super) intersection: Option<Vec<Spanned<PartTable>>>,
+    pub(super) difference: Option<Vec<Spanned<PartTable>>>,
+    pub(super) complement: Option<Box<Spanned<PartTable>>>,
+    pub(super) psi: Option<PsiTable>,
+    pub(super) clip: Option<Spanned<ClipTable>>,
     pub(super) scale: Option<Scale>,
     pub(super) rotate: Option<Angles>,
     pub(super) translate: Option<Point>,
 }
 
-/// A part of a union: a form without a material of its own.
+/// A part of a set operation: a form without a name and a material of its own.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PartTable {
     pub(super) origin: Option<Point>,
     pub(super) quadric: Option<Spanned<QuadricTable>>,
     pub(super) perturbations: Vec<Spanned<PerturbationTable>>,
+    pub(super) weight: Option<Length>,
     pub(super) union: Option<Vec<Spanned<Self>>>,
-    pub(super) psi: Option<Psi>,
+    pub(super) intersection: Option<Vec<Spanned<Self>>>,
+    pub(super) difference: Option<Vec<Spanned<Self>>>,
+    pub(super) complement: Option<Box<Spanned<Self>>>,
+    pub(super) psi: Option<PsiTable>,
+    pub(super) clip: Option<Spanned<ClipTable>>,
+    pub(super) scale: Option<Scale>,
+    pub(super) rotate: Option<Angles>,
+    pub(super) translate: Option<Point>,
+}
+
+/// Where a form ends that would not end by itself.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClipTable {
+    pub(super) min: Point,
+    pub(super) max: Point,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum PsiTable {
+    Maximum,
+    RFunction,
+    Blend { width: Length },
 }
 
 #[derive(Debug, Deserialize)]
@@ -142,19 +170,67 @@ pub(super) struct PartTable {
 pub(super) struct PerturbationTable {
     pub(super) quadric: Spanned<QuadricTable>,
     pub(super) factor: Real,
+    pub(super) scale: Option<Scale>,
+    pub(super) rotate: Option<Angles>,
+    pub(super) translate: Option<Point>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum QuadricTable {
     Coefficients(Coefficients),
-    Ellipsoid { center: Point, radii: Radii },
-    Sphere { center: Point, radius: Length },
-    Cylinder { point: Point, axis: Direction, radius: Length },
-    Cone { apex: Point, axis: Direction, slope: Length },
-    Paraboloid { vertex: Point, axis: Direction, focal_length: Length },
-    HalfSpace { point: Point, normal: Direction },
-    Slab { point: Point, normal: Direction, half_thickness: Length },
+    Ellipsoid {
+        center: Point,
+        radii: Radii,
+    },
+    Sphere {
+        center: Point,
+        radius: Length,
+    },
+    Cylinder {
+        point: Point,
+        axis: Direction,
+        radius: Length,
+    },
+    Cone {
+        apex: Point,
+        axis: Direction,
+        slope: Length,
+    },
+    Paraboloid {
+        vertex: Point,
+        axis: Direction,
+        focal_length: Length,
+    },
+    OneSheet {
+        center: Point,
+        axis: Direction,
+        radius: Length,
+        slope: Length,
+    },
+    TwoSheets {
+        center: Point,
+        axis: Direction,
+        height: Length,
+        slope: Length,
+    },
+    Saddle {
+        point: Point,
+        axis: Direction,
+        along: Direction,
+        rise: Length,
+        fall: Length,
+    },
+    #[serde(alias = "plane")]
+    HalfSpace {
+        point: Point,
+        normal: Direction,
+    },
+    Slab {
+        point: Point,
+        normal: Direction,
+        half_thickness: Length,
+    },
 }
 
 #[derive(Debug, Deserialize)]
