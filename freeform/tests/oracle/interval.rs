@@ -138,6 +138,18 @@ struct Bumps<'a>(&'a [(Quadratic, Range)]);
 
 /// Returns the number of crossings and the sides of both ends where all forms agree.
 pub(crate) fn count(form: &RawForm, ray: &RawRay, spread: f64) -> Option<Counted> {
+    count_and_find(form, ray, spread, &mut Vec::new())
+}
+
+/// Returns the same for a finite ray, and writes between which ray parameters each crossing is.
+pub(crate) fn find(form: &RawForm, ray: &RawRay, spread: f64, found: &mut Vec<(f64, f64)>) -> Option<Counted> {
+    found.clear();
+    let counted = count_and_find(form, ray, spread, found)?;
+    assert_eq!(usize::try_from(counted.crossings), Ok(found.len()), "every crossing is found on a finite ray");
+    Some(counted)
+}
+
+fn count_and_find(form: &RawForm, ray: &RawRay, spread: f64, found: &mut Vec<(f64, f64)>) -> Option<Counted> {
     let finite = ray.t_min.is_finite() && ray.t_max.is_finite();
     let shift = if finite { 0.5 * (ray.t_min + ray.t_max) } else { 0.0 };
     let base = shifted(along(&form.base, ray, spread), shift);
@@ -193,7 +205,12 @@ pub(crate) fn count(form: &RawForm, ray: &RawRay, spread: f64) -> Option<Counted
         }
         let bumps = Bumps(&acting);
         if lo.is_finite() && hi.is_finite() {
-            crossings += count_on(base, &bumps, lo, hi, 0)?.0;
+            let first = found.len();
+            crossings += count_on(base, &bumps, lo, hi, 0, found)?.0;
+            for (lo, hi) in &mut found[first..] {
+                narrow(&all, lo, hi);
+                (*lo, *hi) = ((*lo + shift).next_down(), (*hi + shift).next_up());
+            }
             continue;
         }
         // Infinite pieces start from their finite end, or from 0.
@@ -212,6 +229,19 @@ pub(crate) fn count(form: &RawForm, ray: &RawRay, spread: f64) -> Option<Counted
     let starts_inside = starts_inside.unwrap_or_else(|| sides[0] > 0);
     let ends_inside = stops_inside.unwrap_or_else(|| sides[sides.len() - 1] > 0);
     Some(Counted { crossings, starts_inside, ends_inside })
+}
+
+/// Halves the stretch about a root while the sign in the middle is known.
+fn narrow(function: &impl Fn(Range) -> Range, lo: &mut f64, hi: &mut f64) {
+    let Some(before) = function(Range::exactly(*lo)).sign() else { return };
+    while *hi - *lo > 1e-13 * (1.0 + hi.abs()) {
+        let middle = 0.5 * (*lo + *hi);
+        match function(Range::exactly(middle)).sign() {
+            None => return,
+            Some(sign) if sign == before => *lo = middle,
+            Some(_) => *hi = middle,
+        }
+    }
 }
 
 fn mirror([c, b, a]: Quadratic) -> Quadratic {
@@ -234,7 +264,7 @@ fn count_up(base: Quadratic, bumps: &Bumps<'_>, lo: f64, step: f64) -> Option<(i
     if step > 1e6 {
         return None;
     }
-    let (below, _) = count_on(base, bumps, lo, lo + step, 0)?;
+    let (below, _) = count_on(base, bumps, lo, lo + step, 0, &mut Vec::new())?;
     let (above, last) = count_up(base, bumps, lo + step, 4.0 * step)?;
     Some((below + above, last))
 }
@@ -280,8 +310,15 @@ fn settled(coefficients: &[Range]) -> Option<i32> {
     (changes <= 1).then_some(changes)
 }
 
-/// Returns the number of roots between two places where the sign is known, and the sign at the second.
-fn count_on(base: Quadratic, bumps: &Bumps<'_>, lo: f64, hi: f64, depth: u32) -> Option<(i32, i32)> {
+/// Returns the number of roots between two places where the sign is known, and the sign at the second; writes between which numbers each root is.
+fn count_on(
+    base: Quadratic,
+    bumps: &Bumps<'_>,
+    lo: f64,
+    hi: f64,
+    depth: u32,
+    found: &mut Vec<(f64, f64)>,
+) -> Option<(i32, i32)> {
     let n = Range::exactly;
     let (a, b) = (n(lo), n(hi));
     let scaled = |q: Quadratic| [at(q, a), q[0] + q[0] + q[1] * (a + b) + (q[2] + q[2]) * a * b, at(q, b)];
@@ -300,13 +337,14 @@ fn count_on(base: Quadratic, bumps: &Bumps<'_>, lo: f64, hi: f64, depth: u32) ->
     add_cubes(&mut sum, bumps, scaled);
     let last = sum[6].sign()?;
     if let Some(count) = settled(&sum) {
+        found.extend((count == 1).then_some((lo, hi)));
         return Some((count, last));
     }
     if depth > 40 {
         return None;
     }
     let middle = 0.5 * (lo + hi);
-    let (lower, _) = count_on(base, bumps, lo, middle, depth + 1)?;
-    let (upper, last) = count_on(base, bumps, middle, hi, depth + 1)?;
+    let (lower, _) = count_on(base, bumps, lo, middle, depth + 1, found)?;
+    let (upper, last) = count_on(base, bumps, middle, hi, depth + 1, found)?;
     Some((lower + upper, last))
 }
