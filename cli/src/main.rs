@@ -9,6 +9,7 @@ mod files;
 mod images;
 mod info;
 mod machine;
+mod mesh;
 mod progress;
 mod render;
 mod summary;
@@ -36,6 +37,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Info(info::InfoArgs),
     Chart(chart::ChartArgs),
+    Mesh(mesh::MeshArgs),
 }
 
 fn main() -> ExitCode {
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
             Command::Compare(args) => compare::run(args),
             Command::Info(args) => info::run(args),
             Command::Chart(args) => chart::run(args),
+            Command::Mesh(args) => mesh::run(args),
         },
         Err(error) => answer(&error),
     };

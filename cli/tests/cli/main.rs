@@ -6,5 +6,6 @@ mod common;
 mod compare;
 #[cfg(target_os = "linux")]
 mod hostile;
+mod mesh;
 mod readme;
 mod render;
