@@ -4,6 +4,7 @@ mod args;
 mod chart;
 mod compare;
 mod encode;
+mod explain;
 mod failure;
 mod files;
 mod images;
@@ -13,6 +14,7 @@ mod mesh;
 mod progress;
 mod render;
 mod summary;
+mod view;
 
 use std::process::ExitCode;
 
@@ -38,6 +40,7 @@ enum Command {
     Info(info::InfoArgs),
     Chart(chart::ChartArgs),
     Mesh(mesh::MeshArgs),
+    Explain(explain::ExplainArgs),
 }
 
 fn main() -> ExitCode {
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
             Command::Info(args) => info::run(args),
             Command::Chart(args) => chart::run(args),
             Command::Mesh(args) => mesh::run(args),
+            Command::Explain(args) => explain::run(args),
         },
         Err(error) => answer(&error),
     };

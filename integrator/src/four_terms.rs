@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use scene::Scene;
 
+use crate::explain::Witness;
 use crate::film::{Band, Film, Terms};
 use crate::gather::Gatherer;
 use crate::irradiance_cache::{self, CacheTerm};
@@ -27,12 +28,14 @@ pub(crate) fn render<S: Secondary>(
     sky: Option<&SkySplit>,
     statistics: &mut Statistics,
     progress: &(dyn Fn(Progress) + Sync),
+    witness: Option<&Witness>,
 ) -> Film {
     let mut film = Film::new(settings.size);
     let primary = Primary { scene, plan, secondary, sky, size: settings.size, seed: settings.seed };
     let indirect = IndirectTerm {
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },
         plan,
+        witness,
         scene_size: 2.0 * scene.bounds().radius(),
     };
     let mut index = radcache::Index::new(plan.validity(0.0, indirect.scene_size));
@@ -44,6 +47,9 @@ pub(crate) fn render<S: Secondary>(
     let total = bands.len() as f32;
     for (number, mut band) in bands.into_iter().enumerate() {
         let done = number as f32 / total;
+        if let Some(witness) = witness {
+            witness.enter(&band, settings.size.x);
+        }
         progress(Progress { phase: "direct", done });
         let pixels = statistics.time("direct", |_| trace_primary(&primary, &band));
         progress(Progress { phase: "indirect", done });
@@ -54,6 +60,9 @@ pub(crate) fn render<S: Secondary>(
             Method::CacheOnly => cache.evaluate(&lattice, &mut irradiance, &mut counts),
             Method::Reproject | Method::Path => indirect.reproject_all(&lattice, &mut index, &mut counts),
         });
+        if let Some(witness) = witness {
+            witness.leave(&lattice, &values);
+        }
         statistics.time("film", |statistics| {
             develop(&mut band, pixels, &lattice, &values, plan, secondary, statistics);
         });

@@ -4,6 +4,7 @@
 pub mod metrics;
 
 mod cells;
+mod explain;
 mod film;
 mod four_terms;
 mod gather;
@@ -22,10 +23,12 @@ mod study;
 mod surface_points;
 mod terms;
 
+pub use explain::{Explanation, PointExplanation, RecordFacts, Step, explain};
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};
 pub use render::{Rendering, render, render_with};
+pub use reproject::{Shares, Verdict};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};

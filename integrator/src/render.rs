@@ -6,6 +6,7 @@ use glam::Vec3;
 use scene::{Scene, Surface};
 
 use crate::cells::{CellBuilder, CellSource, Cells};
+use crate::explain::Witness;
 use crate::plan::Plan;
 use crate::{
     Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, Secondary, SecondaryKind, Settings,
@@ -34,6 +35,16 @@ pub fn render(
     settings: &Settings,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Rendering, SettingsError> {
+    render_watched(scene, settings, progress, None)
+}
+
+/// As [`render`], with somebody who looks on.
+pub(crate) fn render_watched(
+    scene: &Scene,
+    settings: &Settings,
+    progress: &(dyn Fn(Progress) + Sync),
+    witness: Option<&Witness>,
+) -> Result<Rendering, SettingsError> {
     settings.validate()?;
     let start = Instant::now();
     let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
@@ -46,14 +57,14 @@ pub fn render(
             let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
             if plan.secondary == SecondaryKind::Photons {
                 let source = PhotonSource { maps: &maps, scene };
-                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress)
+                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
             } else {
                 let caustic = |surface: &Surface| maps.covered_caustic_irradiance(scene, surface.p, surface.ng);
                 let cells = statistics.time("cells", |statistics| {
                     solve_cells(scene, settings, &plan, sky, caustic, statistics, progress)
                 });
                 let source = CellSource { cells: &cells, caustic };
-                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress)
+                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
             }
         }
     };
@@ -82,7 +93,7 @@ pub fn render_with(
     let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
     let plan = Plan::new(scene, settings);
     let sky = SkySplit::new(scene);
-    let film = four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), &mut statistics, progress);
+    let film = four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), &mut statistics, progress, None);
     statistics.render_seconds = start.elapsed().as_secs_f64();
     Ok(Rendering { film, statistics })
 }

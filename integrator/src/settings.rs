@@ -155,6 +155,14 @@ pub enum SettingsError {
         /// Height asked for.
         height: u32,
     },
+    /// A pixel outside of the picture.
+    #[error("pixel {pixel}: the picture has {} x {} of them, counted from 0", .size.x, .size.y)]
+    Pixel {
+        /// The pixel asked for.
+        pixel: UVec2,
+        /// Size of the picture.
+        size: UVec2,
+    },
     /// Samples a pixel.
     #[error("spp {0}: must lie between 1 and {MAX_SPP}")]
     Spp(u32),

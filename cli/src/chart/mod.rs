@@ -18,7 +18,7 @@ use self::sweep::{Subject, Sweep};
 use crate::args::{self, Variant};
 use crate::failure::{Failure, print};
 use crate::files;
-use crate::render::pool;
+use crate::view::pool;
 
 /// Pixels of a scene that asks for no size.
 const DEFAULT_SIZE: UVec2 = UVec2::splat(256);

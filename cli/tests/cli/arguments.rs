@@ -13,6 +13,7 @@ fn help_and_version_go_to_stdout() {
         ("compare --help", "--diff <FILE.png>"),
         ("info --help", "SCENE|IMAGE"),
         ("chart --help", "--methods <METHOD,...>"),
+        ("explain --help", "<X>"),
         ("--version", concat!("freelux ", env!("CARGO_PKG_VERSION"))),
     ] {
         let run = freelux_words(folder.path(), words);
@@ -74,6 +75,10 @@ fn wrong_arguments_are_refused_in_one_line() {
         ("compare a.exr b.exr --diff d.jpg", "d.jpg"),
         ("compare a.exr b.exr --max psnr=3", "--max"),
         ("compare a.exr b.exr --max flip", "--max"),
+        ("explain a.obj 1", "<Y>"),
+        ("explain a.obj -1 2", "-1"),
+        ("explain none.obj 1 2", "none.obj"),
+        ("explain a.obj 1 2 --size 0x1", "size 0x1"),
         ("info", "SCENE|IMAGE"),
         ("info none.exr", "none.exr"),
     ];

@@ -4,6 +4,7 @@ mod arguments;
 mod chart;
 mod common;
 mod compare;
+mod explain;
 #[cfg(target_os = "linux")]
 mod hostile;
 mod mesh;

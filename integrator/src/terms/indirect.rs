@@ -10,9 +10,10 @@ use glam::Vec3;
 use hemimap::Frame;
 use radcache::{Index, Record, Samples, Validity};
 use rayon::prelude::*;
-use reproject::{Shares, Workspace};
+use reproject::{Shares, Verdict, Workspace};
 
 use super::glossy::{lobe_weights, needs_texture};
+use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::lattice::{Lattice, STRIDES};
 use crate::plan::Plan;
@@ -52,6 +53,8 @@ pub(crate) struct Counts {
 pub(crate) struct IndirectTerm<'a, S> {
     pub(crate) gatherer: Gatherer<'a, S>,
     pub(crate) plan: &'a Plan,
+    /// Who writes down what happens at the points of one pixel, if anybody does.
+    pub(crate) witness: Option<&'a Witness>,
     /// Size of the scene, metres.
     pub(crate) scene_size: f32,
 }
@@ -85,6 +88,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                 let mut rays = RayCounts::default();
                 let frame = Frame::from_normal(point.shading.surface.n);
                 let samples = self.gatherer.gather(&point.shading.surface, &frame, self.plan.n, point.key, &mut rays);
+                self.tell(point, || Step::Gathered { resolution: self.plan.n, record: None });
                 (self.of_samples(&samples, &frame, point, weights), rays)
             })
             .collect();
@@ -117,6 +121,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                     Some(value) => {
                         values[number] = Some(value);
                         counts.interpolated += 1;
+                        self.tell(&points[number], || Step::Interpolated { stride });
                     }
                     None => rest.push(number),
                 }
@@ -182,14 +187,24 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let surface = &point.shading.surface;
         let mut tracer =
             PointTracer { gatherer: &self.gatherer, surface: *surface, key: point.key, rays: RayCounts::default() };
-        let Some(found) = index.best(surface.p, surface.n) else { return Answer::Missing(tracer.rays) };
+        let Some(found) = index.best(surface.p, surface.n) else {
+            self.tell(point, || Step::NoRecord);
+            return Answer::Missing(tracer.rays);
+        };
         let record = index.record(found.record);
         let Buffers { workspace, weights } = buffers;
         let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.reproject);
-        if !self.is_verified(workspace, record, point, &mut tracer) {
+        let (holds, verdict, second_verdict) = self.verify(workspace, record, point, &mut tracer);
+        if !holds {
+            let verdict = second_verdict.unwrap_or(verdict);
+            self.tell(point, || Step::Refused { record: RecordFacts::new(record, surface.p), verdict });
             return Answer::Missing(tracer.rays);
         }
-        workspace.trace_holes(self.plan.reproject.step, point.key, &mut tracer);
+        let hole_rays = workspace.trace_holes(self.plan.reproject.step, point.key, &mut tracer);
+        self.tell(point, || {
+            let record = RecordFacts::new(record, surface.p);
+            Step::Reprojected { record, verdict, second_verdict, shares, hole_rays }
+        });
         let [near, sky] = workspace.mean_radiance_by_distance();
         let mut incident = Incident { near, sky, glossy: Vec3::ZERO, reach: record.harmonic_distance() };
         if needs_texture(&point.shading, self.plan) {
@@ -201,27 +216,30 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         Answer::Served(incident, shares, tracer.rays)
     }
 
-    /// Asks four rays whether the elements are where the record says, and twelve more where two of them disagree.
-    fn is_verified(
+    /// Asks four rays whether the elements are where the record says, and sixteen more where two of them disagree. Whether the
+    /// record holds, and what the first and the second rays found.
+    fn verify(
         &self,
         workspace: &mut Workspace,
         record: &Record,
         point: &SurfacePoint,
         tracer: &mut PointTracer<'_, S>,
-    ) -> bool {
+    ) -> (bool, Verdict, Option<Verdict>) {
         /// Half of the first rays are in doubt...
         const DOUBT: f32 = 0.5;
         /// ... and a fifth of the second ones refuse the record (study, findings 12 and 16).
         const REFUSED: f32 = 0.2;
         let side = self.plan.verify_side;
         if side == 0 {
-            return true;
+            return (true, Verdict::default(), None);
         }
-        let share = |verdict: reproject::Verdict| verdict.wrong as f32 / verdict.asked.max(1) as f32;
-        if share(workspace.verify(record, side, point.key, tracer)) < DOUBT {
-            return true;
+        let share = |verdict: Verdict| verdict.wrong as f32 / verdict.asked.max(1) as f32;
+        let first = workspace.verify(record, side, point.key, tracer);
+        if share(first) < DOUBT {
+            return (true, first, None);
         }
-        share(workspace.verify(record, 2 * side, point.key, tracer)) < REFUSED
+        let second = workspace.verify(record, 2 * side, point.key, tracer);
+        (share(second) < REFUSED, first, Some(second))
     }
 
     /// The light of a point by a gather, and the record that comes of it, if that would reach anybody.
@@ -234,11 +252,16 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let look = self.gatherer.gather(surface, &frame, self.plan.n.div_ceil(2), hash(point.key), &mut rays);
         if validity.radius(&look) <= 0.0 {
             let incident = self.of_samples(&look, &frame, point, weights);
+            self.tell(point, || Step::Gathered { resolution: look.resolution(), record: None });
             return (None, incident, rays);
         }
         let samples = self.gatherer.gather(surface, &frame, self.plan.n, point.key, &mut rays);
         let incident = self.of_samples(&samples, &frame, point, weights);
         let record = Record::new(surface.p, frame, samples, &self.plan.record, &validity);
+        self.tell(point, || Step::Gathered {
+            resolution: self.plan.n,
+            record: Some(RecordFacts::new(&record, surface.p)),
+        });
         (Some(record), incident, rays)
     }
 
@@ -253,6 +276,14 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
         }
         Incident { near, sky, glossy, reach: samples.harmonic_distance() }
+    }
+
+    /// Tells the witness, if there is one.
+    #[inline]
+    fn tell(&self, point: &SurfacePoint, step: impl FnOnce() -> Step) {
+        if let Some(witness) = self.witness {
+            witness.tell(point, step);
+        }
     }
 
     fn weigh(&self, shading: &Shading, frame: &Frame, n: usize, key: u64, weights: &mut Vec<Vec3>) {

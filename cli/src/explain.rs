@@ -1,0 +1,190 @@
+//! `freelux explain`: why one pixel looks as it does, on stdout.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use glam::{UVec2, Vec3, Vec3A};
+use integrator::{Explanation, PointExplanation, RecordFacts, Settings, Step, Verdict};
+use scene::{Material, Scene};
+
+use crate::failure::{Failure, note, print};
+use crate::progress::Reporter;
+use crate::view::ViewArgs;
+
+/// Tell what became of one pixel while the whole picture is made: its light by terms, and for each surface in it the records,
+/// verification, holes and incident light.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ExplainArgs {
+    /// Scene (.toml or .obj)
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Column of the pixel, from 0 at the left
+    #[arg(value_name = "X")]
+    x: u32,
+    /// Row of the pixel, from 0 at the top
+    #[arg(value_name = "Y")]
+    y: u32,
+    #[command(flatten)]
+    view: ViewArgs,
+    /// Show no progress
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Renders with an eye on the pixel, and prints what it saw.
+pub(crate) fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
+    args.view.check()?;
+    args.view.pool()?.install(|| args.explain())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+impl ExplainArgs {
+    fn explain(&self) -> Result<(), Failure> {
+        let name = self.scene.display();
+        let loaded = self.view.load(Some(&self.scene))?;
+        let mut description = loaded.description;
+        description.camera = self.view.camera(&description)?;
+        let scene =
+            Scene::new(description).map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
+        let settings = self.view.settings(&loaded.settings);
+        let reporter = Reporter::new(self.quiet);
+        let pixel = UVec2::new(self.x, self.y);
+        let explanation = integrator::explain(&scene, &settings, pixel, &|progress| reporter.update(progress));
+        reporter.finish();
+        let explanation = explanation.map_err(|error| Failure::Input(format!("{name}: {error}; name another")))?;
+        if !self.quiet {
+            for warning in &loaded.warnings {
+                note(&format!("warning: {warning}"));
+            }
+        }
+        print(&text(pixel, &settings, &explanation, scene.materials()))
+    }
+}
+
+/// The whole answer.
+fn text(pixel: UVec2, settings: &Settings, found: &Explanation, materials: &[Material]) -> String {
+    let mut text = String::new();
+    row(
+        &mut text,
+        0,
+        "pixel",
+        &format!(
+            "{}, {} of {} x {}, {} at quality {}, seed {}, {} samples",
+            pixel.x,
+            pixel.y,
+            settings.size.x,
+            settings.size.y,
+            settings.method.name(),
+            settings.quality,
+            settings.seed,
+            found.statistics.spp
+        ),
+    );
+    let terms = &found.terms;
+    for (name, value) in [
+        ("emitted", terms.emitted),
+        ("direct", terms.direct),
+        ("specular", terms.specular),
+        ("caustic", terms.caustic),
+        ("indirect", terms.indirect),
+        ("sum", terms.sum()),
+    ] {
+        row(&mut text, 0, name, &rgb(value));
+    }
+    for (number, point) in found.points.iter().enumerate() {
+        let material = materials.get(point.material as usize).map_or("", |material| material.name.as_str());
+        explain_point(&mut text, number, point, material);
+    }
+    text
+}
+
+fn explain_point(text: &mut String, number: usize, point: &PointExplanation, material: &str) {
+    let seen = if point.behind_mirror { ", seen in a mirror or through glass" } else { "" };
+    row(text, 0, &format!("surface {number}"), &format!("at {}, normal {}{seen}", place(point.p), place(point.n)));
+    row(text, 1, "material", &printable(material));
+    row(text, 1, "footprint", &format!("{:.3e} m a pixel", point.footprint));
+    row(text, 1, "weight", &format!("{} of the pixel for unit incident light", rgb(point.diffuse_weight)));
+    for step in &point.steps {
+        explain_step(text, step);
+    }
+    row(text, 1, "incident", &format!("{} from surfaces, {} from the soft sky", rgb(point.near), rgb(point.sky)));
+    row(text, 1, "gloss", &format!("{} from the texture under the lobe", rgb(point.glossy)));
+    row(
+        text,
+        1,
+        "gives",
+        &format!(
+            "{} indirect, {} direct",
+            rgb(point.diffuse_weight * point.near),
+            rgb(point.diffuse_weight * point.sky)
+        ),
+    );
+    row(text, 1, "reach", &format!("{:.3e} m", point.reach));
+}
+
+fn explain_step(text: &mut String, step: &Step) {
+    match step {
+        Step::Interpolated { stride } => {
+            row(text, 1, "interpolated", &format!("its neighbours {} pixels apart agree", 2 * stride));
+        }
+        Step::NoRecord => row(text, 1, "asked", "no record reaches it"),
+        Step::Refused { record, verdict } => {
+            row(text, 1, "refused", &format!("the record {}: {}", record_words(record), verdict_words(*verdict)));
+        }
+        Step::Reprojected { record, verdict, second_verdict, shares, hole_rays } => {
+            row(text, 1, "reprojected", &format!("the record {}", record_words(record)));
+            row(text, 2, "verified", &verdict_words(*verdict));
+            if let Some(verdict) = second_verdict {
+                row(text, 2, "again", &verdict_words(*verdict));
+            }
+            let percent = |share: f32| 100.0 * share;
+            let shares = format!(
+                "filled {:.1} %, holes {:.1} % ({:.1} % behind silhouettes that moved), {hole_rays} hole rays",
+                percent(shares.filled),
+                percent(shares.holes),
+                percent(shares.unknown)
+            );
+            row(text, 2, "hemisphere", &shares);
+        }
+        Step::Gathered { resolution, record } => {
+            row(text, 1, "gathered", &format!("{resolution} x {resolution} rays"));
+            match record {
+                Some(record) => row(text, 2, "record", &format!("made of them, {}", record_words(record))),
+                None => row(text, 2, "record", "none: made of none, or it would reach nobody"),
+            }
+        }
+    }
+}
+
+fn record_words(record: &RecordFacts) -> String {
+    format!(
+        "at {}, {:.3e} m away, reach {:.3e} m, {} elements in {} layers",
+        place(record.centre),
+        record.distance,
+        record.radius,
+        record.elements,
+        record.layers
+    )
+}
+
+fn verdict_words(verdict: Verdict) -> String {
+    format!("{} of {} rays met something else", verdict.wrong, verdict.asked)
+}
+
+fn row(text: &mut String, depth: usize, name: &str, value: &str) {
+    let _ = writeln!(text, "{:indent$}{name:<14}  {value}", "", indent = 2 * depth);
+}
+
+fn rgb(light: Vec3) -> String {
+    format!("{:.4e} {:.4e} {:.4e}", light.x, light.y, light.z)
+}
+
+fn place(v: Vec3A) -> String {
+    format!("({}, {}, {})", v.x, v.y, v.z)
+}
+
+/// A name from a file without control characters.
+fn printable(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
+}

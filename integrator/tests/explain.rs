@@ -1,0 +1,84 @@
+//! What is told of single pixels is what happened: it adds up to the picture and to its statistics.
+
+mod common;
+
+use common::{Builder, lambert, lamp};
+use glam::{UVec2, Vec3};
+use integrator::{Explanation, Method, SecondaryKind, Settings, SettingsError, Step, Study, explain, render};
+use scene::Scene;
+
+/// A closed room with a lamp under its ceiling, and a camera in it.
+fn room() -> Scene {
+    let room = Builder::default().cube_room(&lambert(0.6));
+    room.square(Vec3::new(0.0, 0.95, 0.0), Vec3::NEG_Y, 0.3, lamp(5.0))
+        .camera(Vec3::new(0.0, 0.1, 0.9), Vec3::new(0.1, -0.1, 0.0), Vec3::Y, 70.0)
+        .build()
+}
+
+fn settings(method: Method) -> Settings {
+    // Few photons in the place of cells, as a picture is made for each of its pixels.
+    let study = Study { secondary: Some(SecondaryKind::Photons), photons: Some(2000), ..Study::default() };
+    Settings { method, quality: 0.1, size: UVec2::new(12, 9), study, ..Settings::default() }
+}
+
+fn all(scene: &Scene, settings: &Settings) -> Vec<Explanation> {
+    let pixels = (0..settings.size.y).flat_map(|y| (0..settings.size.x).map(move |x| UVec2::new(x, y)));
+    pixels.map(|pixel| explain(scene, settings, pixel, &|_| ()).expect("a pixel of the picture")).collect()
+}
+
+#[test]
+fn stories_of_all_pixels_add_up_to_picture_and_statistics() {
+    let scene = room();
+    for method in [Method::Reproject, Method::Gather] {
+        let settings = settings(method);
+        let whole = render(&scene, &settings, &|_| ()).unwrap();
+        let told = all(&scene, &settings);
+        let (mut interpolated, mut reprojected, mut gathered, mut records) = (0, 0, 0, 0);
+        for (pixel, explanation) in told.iter().enumerate() {
+            assert_eq!(explanation.terms.indirect, whole.film.indirect[pixel], "the looker-on changes nothing");
+            assert_eq!(explanation.terms.sum(), whole.film.picture()[pixel], "all terms");
+            let sum: Vec3 = explanation.points.iter().map(|point| point.diffuse_weight * point.near).sum();
+            let indirect = explanation.terms.indirect;
+            assert!((sum - indirect).length() <= 1e-4 * indirect.length(), "points of {pixel}: {sum} of {indirect}");
+            for point in &explanation.points {
+                match point.steps.last() {
+                    Some(Step::Interpolated { .. }) => interpolated += 1,
+                    Some(Step::Reprojected { record, shares, .. }) => {
+                        reprojected += 1;
+                        assert!(record.distance <= record.radius && record.elements > 0, "within reach: {record:?}");
+                        assert!((shares.filled + shares.holes - 1.0).abs() < 1e-3, "the whole hemisphere: {shares:?}");
+                    }
+                    Some(Step::Gathered { record, .. }) => {
+                        gathered += 1;
+                        records += u64::from(record.is_some());
+                    }
+                    other => panic!("pixel {pixel} ends with {other:?}"),
+                }
+            }
+        }
+        let counted = &whole.statistics;
+        assert_eq!(
+            (interpolated, reprojected, gathered, records),
+            (counted.interpolated, counted.reprojected, counted.gathered, counted.records),
+            "{method:?}"
+        );
+        let points: usize = told.iter().map(|explanation| explanation.points.len()).sum();
+        assert_eq!(points as u64, counted.surface_points, "every point is told of once");
+        assert!(
+            method == Method::Gather || (interpolated > 0 && reprojected > 0 && records > 0),
+            "all kinds: {counted:?}"
+        );
+    }
+}
+
+#[test]
+fn the_path_tracer_has_terms_and_no_points_and_other_pixels_are_refused() {
+    let (scene, settings) = (room(), settings(Method::Path));
+    let told = explain(&scene, &settings, UVec2::new(3, 4), &|_| ()).unwrap();
+    assert_eq!(told.points, [], "none");
+    assert!(told.terms.sum().min_element() > 0.0, "but light: {told:?}");
+    let pixel = UVec2::new(12, 0);
+    let refused = explain(&scene, &settings, pixel, &|_| ()).unwrap_err();
+    assert_eq!(refused, SettingsError::Pixel { pixel, size: settings.size }, "a column too far");
+    assert!(refused.to_string().contains("12 x 9"), "{refused}");
+}
