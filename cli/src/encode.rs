@@ -1,18 +1,22 @@
 //! A film as the bytes of an EXR or PNG file. The same film gives the same bytes, whatever the number of threads.
 
-use std::io::Cursor;
+use std::collections::HashMap;
+use std::io;
 
-use exr::meta::attribute::Chromaticities;
-use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, Vec2,
-    WritableImage,
-};
+use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, Chromaticities, LineOrder, SampleType};
+use exr::meta::header::Header;
+use exr::prelude::{AttributeValue, Compression, LayerAttributes, Text, Vec2};
 use glam::{UVec2, Vec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use integrator::Film;
+use rayon::prelude::*;
 
 use crate::failure::Failure;
+use crate::files::Sink;
 
 /// Primaries and white of linear sRGB (Rec. 709, D65).
 const SRGB: Chromaticities = Chromaticities {
@@ -73,64 +77,112 @@ pub(crate) struct Origin<'a> {
     pub(crate) seed: u64,
 }
 
-/// Encodes one part of float32 with ZIP: `picture` as R, G, B with A, linear and unclamped. Where the picture is the
-/// whole one and not a `term`, the terms, albedo, normal (world space) and depth (metres along the ray) follow.
-pub(crate) fn exr(film: &Film, picture: &[Vec3], term: Option<Term>, origin: &Origin) -> Result<Vec<u8>, Failure> {
-    let mut channels = Vec::new();
-    let mut add = |name: &str, samples: Vec<f32>| {
-        channels.push(AnyChannel::new(name, FlatSamples::F32(samples)));
-    };
-    let mut add_three = |prefix: &str, names: [&str; 3], pixels: &[Vec3]| {
-        for (axis, name) in names.into_iter().enumerate() {
-            add(&format!("{prefix}{name}"), pixels.iter().map(|pixel| pixel[axis]).collect());
+/// Where the samples of a channel come from.
+#[derive(Debug, Clone, Copy)]
+enum Source<'a> {
+    /// An axis of each vector.
+    Axis(&'a [Vec3], usize),
+    /// Each number.
+    Plain(&'a [f32]),
+}
+
+impl Source<'_> {
+    fn sample(self, pixel: usize) -> f32 {
+        match self {
+            Self::Axis(vectors, axis) => vectors[pixel][axis],
+            Self::Plain(numbers) => numbers[pixel],
         }
-    };
-    let rgb = ["R", "G", "B"];
-    add_three("", rgb, picture);
+    }
+}
+
+/// Channels of the three axes of some vectors.
+fn three<'a>(prefix: &str, names: [&str; 3], vectors: &'a [Vec3]) -> Vec<(String, Source<'a>)> {
+    let names = names.into_iter().enumerate();
+    names.map(|(axis, name)| (format!("{prefix}{name}"), Source::Axis(vectors, axis))).collect()
+}
+
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Writes one part of float32 with ZIP: `picture` as R, G, B with A, linear and unclamped. Where the picture is the
+/// whole one and not a `term`, the terms, albedo, normal (world space) and depth (metres along the ray) follow.
+pub(crate) fn exr(
+    film: &Film,
+    picture: &[Vec3],
+    term: Option<Term>,
+    origin: &Origin,
+    out: &mut dyn Sink,
+) -> io::Result<()> {
+    let mut channels = three("", RGB, picture);
+    channels.push(("A".to_owned(), Source::Plain(&film.alpha)));
     if term.is_none() {
         for term in Term::ALL {
-            add_three(&format!("{}.", term.name()), rgb, term.of(film));
+            channels.extend(three(&format!("{}.", term.name()), RGB, term.of(film)));
         }
-        add_three("albedo.", rgb, &film.albedo);
-        add_three("normal.", ["X", "Y", "Z"], &film.normal);
-        add("depth.Z", film.depth.clone());
+        channels.extend(three("albedo.", RGB, &film.albedo));
+        channels.extend(three("normal.", ["X", "Y", "Z"], &film.normal));
+        channels.push(("depth.Z".to_owned(), Source::Plain(&film.depth)));
     }
-    add("A", film.alpha.clone());
-
     // Attributes of one's own are kept in hash maps of random order: one in each of the two keeps the bytes the same.
     let attributes = LayerAttributes {
         software_name: Some(latin1(concat!("freelux ", env!("CARGO_PKG_VERSION")))),
         other: [(Text::from("freelux:seed"), AttributeValue::Text(latin1(&origin.seed.to_string())))].into(),
         ..LayerAttributes::default()
     };
-    let size = (film.size.x as usize, film.size.y as usize);
-    let channels = AnyChannels::sort(channels.into_iter().collect());
-    let mut image = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
-    image.attributes.chromaticities = Some(SRGB);
-    image.attributes.other = [(Text::from("freelux:command"), AttributeValue::Text(latin1(origin.command)))].into();
-
-    let mut bytes = Cursor::new(Vec::new());
-    image
-        .write()
-        .to_buffered(&mut bytes)
-        .map_err(|error| Failure::Run(format!("the EXR cannot be encoded: {error}")))?;
-    Ok(bytes.into_inner())
+    let command = [(Text::from("freelux:command"), AttributeValue::Text(latin1(origin.command)))].into();
+    write_exr(film.size, channels, attributes, command, out)
 }
 
-/// Encodes a picture of float32 with ZIP that is nothing but R, G and B, linear.
-pub(crate) fn plain_exr(size: UVec2, picture: &[Vec3]) -> Result<Vec<u8>, Failure> {
-    let names = ["R", "G", "B"].into_iter().enumerate();
-    let channels = names
-        .map(|(axis, name)| AnyChannel::new(name, FlatSamples::F32(picture.iter().map(|pixel| pixel[axis]).collect())));
-    let channels = AnyChannels::sort(channels.collect());
-    let size = (size.x as usize, size.y as usize);
-    let layer = Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
-    let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer)
-        .write()
-        .to_buffered(&mut bytes)
-        .map_err(|error| Failure::Run(format!("the EXR cannot be encoded: {error}")))?;
-    Ok(bytes.into_inner())
+/// Writes a picture of float32 with ZIP that is nothing but R, G and B, linear.
+pub(crate) fn plain_exr(size: UVec2, picture: &[Vec3], out: &mut dyn Sink) -> io::Result<()> {
+    write_exr(size, three("", RGB, picture), LayerAttributes::default(), HashMap::default(), out)
+}
+
+/// Blocks of 16 rows that are compressed at once: enough for all threads, and a bound on the memory.
+const BLOCKS_AT_ONCE: usize = 32;
+
+/// Writes the channels block by block, so that no channel is ever copied as a whole.
+fn write_exr(
+    size: UVec2,
+    mut channels: Vec<(String, Source)>,
+    attributes: LayerAttributes,
+    of_picture: HashMap<Text, AttributeValue>,
+    out: &mut dyn Sink,
+) -> io::Result<()> {
+    // The format wants them by their names.
+    channels.sort_by(|(a, _), (b, _)| a.cmp(b));
+    let width = size.x as usize;
+    let described = channels.iter().map(|(name, _)| ChannelDescription::new(name.as_str(), SampleType::F32, true));
+    let mut header = Header::new(Text::from(""), (width, size.y as usize), described.collect()).with_encoding(
+        Compression::ZIP16,
+        BlockDescription::ScanLines,
+        LineOrder::Increasing,
+    );
+    header.own_attributes = attributes;
+    header.shared_attributes.chromaticities = Some(SRGB);
+    header.shared_attributes.other = of_picture;
+    let written = exr::block::write(out, std::iter::once(header).collect(), true, |meta, writer| {
+        let blocks: Vec<_> = exr::block::enumerate_ordered_header_block_indices(&meta.headers).collect();
+        for blocks in blocks.chunks(BLOCKS_AT_ONCE) {
+            let compress = |&(number, index): &(usize, BlockIndex)| {
+                let block = UncompressedBlock::from_lines(&meta.headers[0].channels, index, |line| {
+                    let (source, start) = (channels[line.location.channel].1, line.location.position);
+                    let first = start.y() * width + start.x();
+                    line.write_samples(|x| source.sample(first + x)).expect("a line of the block into memory");
+                });
+                block.compress_to_chunk(&meta.headers).map(|chunk| (number, chunk))
+            };
+            let chunks: Vec<_> = blocks.par_iter().map(compress).collect();
+            for chunk in chunks {
+                let (number, chunk) = chunk?;
+                writer.write_chunk(number, chunk)?;
+            }
+        }
+        Ok(())
+    });
+    written.map_err(|error| match error {
+        exr::error::Error::Io(error) => error,
+        other => io::Error::other(other.to_string()),
+    })
 }
 
 /// Encodes a picture for a display: multiplied by 2^`exposure`, clamped to [0, 1], then the sRGB curve, 8 bits. Nothing

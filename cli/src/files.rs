@@ -1,8 +1,10 @@
-//! Files that appear whole or not at all: written beside their place, then renamed.
+//! Files that appear whole or not at all: written beside their place, then renamed. What is beside its place when the program
+//! is interrupted is removed.
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::{Builder, NamedTempFile};
 
@@ -27,43 +29,100 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
     if !folder.is_dir() {
         return refuse(format!("there is no folder {}; create it or choose another", folder.display()));
     }
-    match beside(&target) {
-        Ok(_) => Ok(()), // the trial is deleted here
+    // Nobody interrupts between making the trial and deleting it.
+    let _pending = pending();
+    match beside(&target).map(drop) {
+        Ok(()) => Ok(()),
         Err(error) => refuse(format!("cannot be written there: {error}; choose another folder")),
+    }
+}
+
+/// What a file's content can be written to.
+pub(crate) trait Sink: Write + Seek {}
+
+impl<T: Write + Seek> Sink for T {}
+
+/// Files that are complete on the disk and wait for their names.
+#[derive(Debug, Default)]
+pub(crate) struct Staged {
+    /// The name that was asked for, the file, and where it goes.
+    files: Vec<(PathBuf, NamedTempFile, PathBuf)>,
+}
+
+impl Staged {
+    /// Writes what `fill` gives beside `path`. A device or pipe cannot be replaced and is written at once.
+    pub(crate) fn add(
+        &mut self,
+        path: &Path,
+        fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>,
+    ) -> Result<(), Failure> {
+        self.try_add(path, fill).map_err(|error| Failure::unwritable(path, &error))
+    }
+
+    fn try_add(&mut self, path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> io::Result<()> {
+        let target = resolve(path);
+        let old = fs::metadata(&target).ok();
+        if old.as_ref().is_some_and(|old| !old.is_file()) {
+            // Devices and pipes know no places to go back to.
+            let mut bytes = Cursor::new(Vec::new());
+            fill(&mut bytes)?;
+            return File::options().write(true).open(&target)?.write_all(bytes.get_ref());
+        }
+        let file = {
+            let mut pending = pending();
+            let file = beside(&target)?;
+            pending.push(file.path().to_owned());
+            file
+        };
+        let mut buffered = BufWriter::new(file.as_file());
+        fill(&mut buffered)?;
+        buffered.flush()?;
+        drop(buffered);
+        if let Some(old) = old {
+            file.as_file().set_permissions(old.permissions())?;
+        }
+        file.as_file().sync_all()?;
+        self.files.push((path.to_owned(), file, target));
+        Ok(())
+    }
+
+    /// Gives all files their names.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        let mut pending = pending();
+        for (path, file, target) in self.files {
+            file.persist(target).map_err(|failed| Failure::unwritable(&path, &failed.error))?;
+        }
+        pending.clear();
+        Ok(())
     }
 }
 
 /// Writes all files or none: every one is complete on the disk before the first takes its name.
 pub(crate) fn write_all(files: &[(&Path, Vec<u8>)]) -> Result<(), Failure> {
-    let mut staged = Vec::with_capacity(files.len());
+    let mut staged = Staged::default();
     for (path, bytes) in files {
-        staged.push((*path, stage(path, bytes).map_err(|error| Failure::unwritable(path, &error))?));
+        staged.add(path, |out| out.write_all(bytes))?;
     }
-    for (path, staged) in staged {
-        if let Some((file, target)) = staged {
-            file.persist(target).map_err(|failed| Failure::unwritable(path, &failed.error))?;
-        }
-    }
-    Ok(())
+    staged.finish()
 }
 
-/// Writes `bytes` beside `path` and returns the file with the name it is to take. A device or pipe cannot be replaced
-/// and is written at once.
-fn stage(path: &Path, bytes: &[u8]) -> io::Result<Option<(NamedTempFile, PathBuf)>> {
-    let target = resolve(path);
-    let old = fs::metadata(&target).ok();
-    if old.as_ref().is_some_and(|old| !old.is_file()) {
-        let mut device = File::options().write(true).open(&target)?;
-        device.write_all(bytes)?;
-        return Ok(None);
+/// Files beside their places, which nobody would remove if the program were ended. The only state that is shared with the
+/// handler of signals; whoever holds it keeps that waiting.
+static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
+    PENDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes what is not finished and ends the program; to be called when it is interrupted.
+pub(crate) fn abandon(code: i32) -> ! {
+    // Held until the end, so that no file is renamed any more.
+    let pending = pending();
+    for path in pending.iter() {
+        // It may have its name already.
+        let _ = fs::remove_file(path);
     }
-    let mut file = beside(&target)?;
-    file.write_all(bytes)?;
-    if let Some(old) = old {
-        file.as_file().set_permissions(old.permissions())?;
-    }
-    file.as_file().sync_all()?;
-    Ok(Some((file, target)))
+    std::process::exit(code)
 }
 
 /// A file in the folder of `target`, deleted when dropped; with the rights that a new file has, not a secret one's.

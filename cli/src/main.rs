@@ -25,7 +25,8 @@ use crate::failure::{Failure, print};
 
 /// Renders scenes with global illumination by caching and reprojecting radiance.
 ///
-/// Exit codes: 0 done; 1 failed while running, or `compare` found more than its limit; 2 wrong input or arguments.
+/// Exit codes: 0 done; 1 failed while running, or `compare` found more than its limit; 2 wrong input or arguments;
+/// 130 interrupted.
 #[derive(Debug, Parser)]
 #[command(name = "freelux", version, max_term_width = 100, arg_required_else_help = false)]
 struct Cli {
@@ -43,7 +44,12 @@ enum Command {
     Explain(explain::ExplainArgs),
 }
 
+/// Exit code after an interruption, as shells have it for SIGINT.
+const INTERRUPTED: i32 = 130;
+
 fn main() -> ExitCode {
+    // Without a handler the system ends the program, which is no worse than before.
+    let _ = ctrlc::set_handler(|| files::abandon(INTERRUPTED));
     let result = match Cli::try_parse() {
         Ok(cli) => match &cli.command {
             Command::Render(args) => render::run(args),

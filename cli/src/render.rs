@@ -12,7 +12,7 @@ use scene::Scene;
 use crate::args::{self, Output, OutputKind};
 use crate::encode::{self, Origin, Term};
 use crate::failure::{Failure, print};
-use crate::files;
+use crate::files::{self, Staged};
 use crate::machine;
 use crate::progress::Reporter;
 use crate::summary::Summary;
@@ -107,13 +107,19 @@ impl RenderArgs {
             self.exposure.or(loaded.settings.exposure).unwrap_or_else(|| automatic_exposure(film.size, &whole));
         let picture = self.term.map_or(&whole[..], |term| term.of(&film));
         let origin = Origin { command: &self.command(&settings), seed: settings.seed };
+        let mut staged = Staged::default();
         let mut written = Vec::new();
         for Output { path, kind } in outputs {
-            let bytes = match kind {
-                OutputKind::Exr => encode::exr(&film, picture, self.term, &origin)?,
-                OutputKind::Png => encode::png(film.size, picture, exposure)?,
-            };
-            written.push((path.as_path(), bytes));
+            match kind {
+                OutputKind::Exr => {
+                    staged.add(path, |out| encode::exr(&film, picture, self.term, &origin, out))?;
+                }
+                OutputKind::Png => {
+                    let bytes = encode::png(film.size, picture, exposure)?;
+                    staged.add(path, |out| out.write_all(&bytes))?;
+                }
+            }
+            written.push(path.display().to_string());
         }
 
         let summary = Summary {
@@ -136,14 +142,14 @@ impl RenderArgs {
         };
         let to_stdout = self.stats.as_deref() == Some(Path::new("-"));
         if let Some(path) = self.stats.as_deref().filter(|_| !to_stdout) {
-            written.push((path, summary.json().into_bytes()));
+            staged.add(path, |out| out.write_all(summary.json().as_bytes()))?;
+            written.push(path.display().to_string());
         }
-        files::write_all(&written)?;
+        staged.finish()?;
         for line in summary.table().lines() {
             reporter.line(line);
         }
-        let names: Vec<String> = written.iter().map(|(path, _)| path.display().to_string()).collect();
-        reporter.note(&format!("wrote {}", names.join(", ")));
+        reporter.note(&format!("wrote {}", written.join(", ")));
         if to_stdout {
             print(&summary.json())?;
         }

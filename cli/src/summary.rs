@@ -30,7 +30,7 @@ pub(crate) struct Summary<'a> {
     pub(crate) build_seconds: f64,
     /// Building the tables of lights.
     pub(crate) light_seconds: f64,
-    /// Encoding the pictures.
+    /// Encoding the pictures and bringing them to the disk.
     pub(crate) encode_seconds: f64,
     /// Largest memory of the whole process so far, bytes; null where the system does not tell.
     pub(crate) peak_memory_bytes: Option<u64>,

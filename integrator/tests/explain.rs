@@ -18,7 +18,7 @@ fn room() -> Scene {
 fn settings(method: Method) -> Settings {
     // Few photons in the place of cells, as a picture is made for each of its pixels.
     let study = Study { secondary: Some(SecondaryKind::Photons), photons: Some(2000), ..Study::default() };
-    Settings { method, quality: 0.1, size: UVec2::new(12, 9), study, ..Settings::default() }
+    Settings { method, quality: 0.05, size: UVec2::new(10, 7), study, ..Settings::default() }
 }
 
 fn all(scene: &Scene, settings: &Settings) -> Vec<Explanation> {
@@ -77,8 +77,8 @@ fn the_path_tracer_has_terms_and_no_points_and_other_pixels_are_refused() {
     let told = explain(&scene, &settings, UVec2::new(3, 4), &|_| ()).unwrap();
     assert_eq!(told.points, [], "none");
     assert!(told.terms.sum().min_element() > 0.0, "but light: {told:?}");
-    let pixel = UVec2::new(12, 0);
+    let pixel = UVec2::new(10, 0);
     let refused = explain(&scene, &settings, pixel, &|_| ()).unwrap_err();
     assert_eq!(refused, SettingsError::Pixel { pixel, size: settings.size }, "a column too far");
-    assert!(refused.to_string().contains("12 x 9"), "{refused}");
+    assert!(refused.to_string().contains("10 x 7"), "{refused}");
 }

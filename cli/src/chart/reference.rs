@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 use integrator::metrics::{Batches, Image, MetricsError, Reference};
 use integrator::{Method, Settings};
 use scene::Scene;
 
 use crate::encode;
 use crate::failure::{Failure, note};
-use crate::{files, images};
+use crate::files::Staged;
+use crate::images;
 
 /// Pictures that a reference is joined of, each with random numbers of its own: their spread is its noise.
 const BATCHES: u32 = 16;
@@ -75,9 +76,12 @@ pub(crate) fn kept_or_made(
         note(&format!("{name}: reference {} of {BATCHES}", batch + 1));
     }
     let reference = batches.mean().map_err(refuse)?;
-    let exr = |pixels: &[Vec3]| encode::plain_exr(size, pixels);
     let variance = reference.variance().expect("there are several batches");
-    files::write_all(&[(path, exr(reference.image().pixels())?), (&variance_path(path), exr(variance)?)])?;
+    let mut staged = Staged::default();
+    for (path, pixels) in [(path, reference.image().pixels()), (&variance_path(path), variance)] {
+        staged.add(path, |out| encode::plain_exr(size, pixels, out))?;
+    }
+    staged.finish()?;
     Ok(reference)
 }
 

@@ -195,3 +195,35 @@ fn a_full_disk_and_a_closed_pipe_end_without_a_trace() {
     assert_eq!(output.status.code(), Some(1), "the full device is told");
     assert_eq!(String::from_utf8_lossy(&output.stderr).lines().count(), 1, "in one line");
 }
+
+#[cfg(unix)]
+#[test]
+fn an_interruption_while_writing_leaves_neither_picture_nor_rest() {
+    use std::time::{Duration, Instant};
+    let folder = folder();
+    // So many pixels that encoding them takes its time.
+    let scene = data("study/cornell/scene.toml");
+    let mut child = crate::common::command(folder.path())
+        .args(["render", scene.to_str().unwrap(), "--method=path", "--spp=1", "--size=1024x1024", "--out=a.exr"])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let is_encoding = |stderr: &mut dyn std::io::Read| {
+        // The trial before the work is gone once the first phase is told.
+        let (mut told, mut byte) = (Vec::new(), [0]);
+        while !told.ends_with(b"freelux: path\n") {
+            assert_eq!(stderr.read(&mut byte).unwrap(), 1, "it ends early: {}", String::from_utf8_lossy(&told));
+            told.push(byte[0]);
+        }
+        let start = Instant::now();
+        while !names(folder.path()).iter().any(|name| name.starts_with(".freelux-")) {
+            assert!(start.elapsed() < Duration::from_secs(120), "no file is begun");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    };
+    is_encoding(child.stderr.as_mut().unwrap());
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(kill.success(), "the signal is sent");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "as shells have it");
+    assert_eq!(names(folder.path()), [""; 0], "nothing is left");
+}
