@@ -44,7 +44,7 @@ pub struct PointExplanation {
     pub footprint: f32,
     /// The pixel's light for one unit of mean incident radiance: share of the pixel times what reflects there and on the way.
     pub diffuse_weight: Vec3,
-    /// What was done, in order.
+    /// What was done, in order; nothing is written down by [`Method::CacheOnly`](crate::Method::CacheOnly).
     pub steps: Vec<Step>,
     /// Mean incident radiance over the cosine-weighted hemisphere from what stands at a distance: L_i, of the term `indirect`.
     pub near: Vec3,

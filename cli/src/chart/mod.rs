@@ -36,7 +36,7 @@ pub(crate) struct ChartArgs {
     scenes: Vec<PathBuf>,
     /// Methods, each a line of the chart; with settings for study as reproject+coverage=rect+trail=all
     #[arg(long, value_name = "METHOD,...", value_delimiter = ',', value_parser = args::variant,
-          default_value = "reproject,gather,path")]
+          default_value = "reproject,gather,cache-only,path")]
     methods: Vec<Variant>,
     /// Qualities that each method renders at
     #[arg(
