@@ -14,8 +14,9 @@ pub(crate) struct Plan {
     pub(crate) spp: u32,
     /// Light samples a primary sample.
     pub(crate) light_samples: u32,
-    /// Resolution of a gather.
+    /// Resolution of a gather that becomes a record, and of one that does not.
     pub(crate) n: usize,
+    pub(crate) look_n: usize,
     /// How records are made.
     pub(crate) record: RecordSettings,
     /// Reach of records, as a share of the harmonic mean distance.
@@ -70,15 +71,17 @@ impl Plan {
         let cache = settings.method == Method::Reproject;
         // Error falls as n^-2 in relMSE and the rays of a record grow as n^2, so n goes with the square root of the time.
         // The rim of a window in the sky and a lobe need more texels than irradiance does.
-        let base_n = match (cache, features.environment, features.glossy) {
-            (false, _, _) => 16.0,
-            (true, true, _) => 48.0,
-            (true, false, true) => 40.0,
-            (true, false, false) => 32.0,
+        let base_n = match (features.environment, features.glossy) {
+            (true, _) => 48.0,
+            (false, true) => 40.0,
+            (false, false) => 32.0,
         };
         let study = &settings.study;
         let secondary = study.secondary.unwrap_or_default();
-        let n = study.resolution.unwrap_or_else(|| round(base_n * quality.sqrt(), 4.0, 64.0)) as usize;
+        let texels = |base: f32| round(base * quality.sqrt(), 4.0, 64.0);
+        let look_n = texels(LOOK_RESOLUTION);
+        let n = study.resolution.unwrap_or(if cache { texels(base_n) } else { look_n });
+        let (n, look_n) = (n as usize, look_n.min(n) as usize);
         let spp = settings.spp.unwrap_or_else(|| round(16.0 * quality, 4.0, 65_536.0));
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
@@ -90,6 +93,7 @@ impl Plan {
             spp,
             light_samples: study.light_samples.unwrap_or(if features.environment { 2 } else { 1 }),
             n,
+            look_n,
             record: RecordSettings {
                 layers: study.layers.unwrap_or(16) as usize,
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
@@ -120,7 +124,7 @@ impl Plan {
     pub(crate) fn validity(&self, footprint: f32, size: f32) -> Validity {
         Validity {
             spacing: self.spacing,
-            min_radius: MIN_PIXELS * footprint,
+            min_radius: MIN_PIXELS * (self.n as f32 / self.look_n as f32) * footprint,
             max_radius: MAX_SHARE * size,
             touching_distance: TOUCHING_SHARE * size,
             ..Validity::default()
@@ -128,8 +132,11 @@ impl Plan {
     }
 }
 
-/// Records reach at least so many pixels: nearer than that, corners would take one for every pixel.
-const MIN_PIXELS: f32 = 0.5;
+/// Texels along a side of a gather that serves its own point alone.
+const LOOK_RESOLUTION: f32 = 16.0;
+/// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less serves fewer points
+/// than could be gathered for its rays.
+const MIN_PIXELS: f32 = 1.0;
 /// And at most this share of the scene.
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.

@@ -63,9 +63,11 @@ impl Validity {
     pub fn misfit(&self, record: &Record, p: Vec3A, n: Vec3A) -> f32 {
         let cos = n.dot(record.frame().n);
         let d = p - record.centre();
-        // Points off the tangent plane see past the horizon of the record, so height counts double.
-        let height = d.dot(record.frame().n).abs();
-        let distance = (d.length_squared() + 3.0 * height * height).sqrt();
+        // Points above the tangent plane see past the horizon of the record, so height counts double; what lies below it may be in the way of
+        // points that do so too, and nothing is known of it, so depth counts four times.
+        let height = d.dot(record.frame().n);
+        let weight = if height > 0.0 { 3.0 } else { 15.0 };
+        let distance = (d.length_squared() + weight * height * height).sqrt();
         if cos < self.min_normal_cos || record.radius() <= 0.0 {
             return f32::INFINITY;
         }

@@ -3,6 +3,7 @@
 
 mod clip;
 mod holes;
+mod horizon;
 mod kernel;
 mod masks;
 mod project;

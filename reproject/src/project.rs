@@ -41,6 +41,7 @@ impl Workspace {
         self.owner.resize(self.n * self.n + RUN, NOBODY);
         self.masks.reset(self.n);
         let buried = self.bury(ng);
+        self.doubt(record);
         project_corners(elements, &self.rotation, self.offset, &mut self.u, &mut self.v, &mut self.z);
         for layer in 0..elements.layer_count() {
             let layer = elements.layer(layer);
@@ -81,27 +82,6 @@ impl Workspace {
             let column = |axis| self.frame.to_local(axis);
             self.rotation = Mat3A::from_cols(column(frame.s), column(frame.t), column(frame.n));
         }
-    }
-
-    /// Fills the texels below the surface of unit normal `ng` with nobody; gives their number.
-    fn bury(&mut self, ng: Vec3A) -> u32 {
-        /// A horizon so little inclined goes through no centre of a texel.
-        const ALIKE: f32 = 1e-5;
-        let ng = self.frame.to_local(ng);
-        if 1.0 - ng.z <= ALIKE {
-            return 0;
-        }
-        let mut buried = 0;
-        for j in 0..self.n {
-            for i in 0..self.n {
-                let centre = (Vec2::new(i as f32, j as f32) + 0.5) / self.n as f32;
-                if hemimap::square_to_cosine_hemisphere(centre).dot(ng) <= 0.0 {
-                    self.masks.fill[j] |= 1 << i;
-                    buried += 1;
-                }
-            }
-        }
-        buried
     }
 
     /// Sets the bits of one element and finds its weight.

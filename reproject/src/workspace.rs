@@ -5,6 +5,7 @@ use hemimap::Frame;
 use radcache::{Elements, MAX_RESOLUTION, Record};
 
 use crate::holes::Hole;
+use crate::horizon::TexelCentres;
 use crate::masks::{Masks, Rows};
 use crate::{Traced, Tracer};
 
@@ -85,6 +86,7 @@ pub struct Workspace {
     pub(crate) rotation: Mat3A,
     pub(crate) offset: Vec3A,
     pub(crate) masks: Masks,
+    pub(crate) centres: TexelCentres,
     /// Corners of the elements in the square, and their heights.
     pub(crate) u: [Vec<f32>; 4],
     pub(crate) v: [Vec<f32>; 4],
@@ -122,6 +124,7 @@ impl Workspace {
             rotation: Mat3A::IDENTITY,
             offset: Vec3A::ZERO,
             masks: Masks::new(1),
+            centres: TexelCentres::default(),
             u: Default::default(),
             v: Default::default(),
             z: Default::default(),

@@ -311,3 +311,28 @@ fn elements_in_odd_places() {
     let shares = workspace.project(&shy, Vec3A::ZERO, Vec3A::Z, &settings);
     assert_eq!((shares.filled, shares.unknown), (0.0, 1.0), "all must be looked at anew");
 }
+
+/// A record on top of a step cannot know the side of the step; a point at its foot sees it over half of its sky.
+#[test]
+fn what_lies_below_the_record_does_not_shine_through() {
+    let mut scene = Scene::default();
+    scene.add_box(Vec3A::ZERO, Vec3A::splat(3.0), 0.0, Vec3::ONE);
+    let black = [
+        (Vec3A::new(-1.5, 0.0, 0.0), Vec3A::X * 1.5, Vec3A::Y * 3.0),
+        (Vec3A::new(0.0, 0.0, -0.05), Vec3A::Y * 3.0, Vec3A::Z * 0.05),
+        (Vec3A::new(1.5, 0.0, -0.1), Vec3A::X * 1.5, Vec3A::Y * 3.0),
+    ];
+    scene.shapes.extend(black.map(|(centre, s, t)| (rooms::Shape::Rectangle(centre, s, t), Vec3::ZERO)));
+    let look = |p, wi| scene.look(p, wi);
+    let record = record_in(look, Vec3A::new(-0.1, 0.0, 1e-3), FRAME, 32, &RecordSettings::default());
+    let mut workspace = Workspace::new();
+    for x in [0.1, 0.2, 0.4] {
+        let p = Vec3A::new(x, 0.0, -0.099);
+        let truth = rooms::gather(look, p, &FRAME, 128).x;
+        let shares = workspace.project(&record, p, Vec3A::Z, &Settings::default());
+        workspace.trace_holes(1, 7, &mut Rays(p, look));
+        let found = workspace.mean_radiance().x;
+        assert!((found / truth - 1.0).abs() < 0.05, "at {x}: {found} instead of {truth}");
+        assert!(shares.filled > 0.02, "what is far above the step is taken from the record: {shares:?}");
+    }
+}

@@ -248,8 +248,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
         let validity: Validity = self.plan.validity(point.footprint, self.scene_size);
-        // A first look with a quarter of the rays is enough for a point in a crease, whose record would serve nobody.
-        let look = self.gatherer.gather(surface, &frame, self.plan.n.div_ceil(2), hash(point.key), &mut rays);
+        // A first look with fewer rays is enough for a point in a crease, whose record would serve nobody.
+        let look = self.gatherer.gather(surface, &frame, self.plan.look_n, hash(point.key), &mut rays);
         if validity.radius(&look) <= 0.0 {
             let incident = self.of_samples(&look, &frame, point, weights);
             self.tell(point, || Step::Gathered { resolution: look.resolution(), record: None });
