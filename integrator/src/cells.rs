@@ -20,9 +20,10 @@ use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::sampler::{Sampler, hash, hash_pair};
-use crate::secondary::{Known, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
+use crate::secondary::{Known, Secondary, Shading, direct_light, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
+use crate::walk::{Taken, Visitor, walk};
 
 /// Probe rays along a side of the picture, and gather rays and bounces of each.
 const PROBE_SIDE: u32 = 48;
@@ -56,6 +57,8 @@ pub(crate) struct Cells {
     /// Irradiance of each cell without caustics, W m^-2: straight from the sources, and by reflections.
     direct: Vec<Vec3>,
     indirect: Vec<Vec3>,
+    /// The part of `indirect` that came by caustics.
+    caustic: Vec<Vec3>,
     /// Whether something divides the cell, so that its mean light is that of neither side.
     divided: Vec<bool>,
 }
@@ -76,6 +79,7 @@ struct Row {
     direct: Vec3,
     /// Light of walks that met no cell, and caustics.
     source: Vec3,
+    caustic: Vec3,
     links: Vec<(u32, Vec3)>,
     rays: RayCounts,
 }
@@ -149,7 +153,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
         let mut at = from;
         for bounce in 0..PROBE_BOUNCES {
             sampler.start_bounce(bounce + 1);
-            let Some(ray) = cosine_ray(&at, sampler.next_2d()) else { return };
+            let Some(ray) = at.cosine_ray(sampler.next_2d()) else { return };
             rays.path += 1;
             let Some((next, _)) = self.to_diffuse(ray, Vec3::ONE, sampler, rays) else { return };
             found.push((next, bounce == 0));
@@ -187,6 +191,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
         let mut row = Row {
             direct: Vec3::ZERO,
             source: Vec3::ZERO,
+            caustic: Vec3::ZERO,
             links: Vec::with_capacity(ray_count),
             rays: RayCounts::default(),
         };
@@ -202,13 +207,22 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
             }
-            if let Some(ray) = cosine_ray(point, sampler.next_2d()) {
-                self.walk(cells, ray, share, &mut sampler, &mut row);
+            let Some(ray) = point.cosine_ray(sampler.next_2d()) else { continue };
+            row.rays.path += 1;
+            if let Some(hit) = self.scene.intersect(&ray) {
+                let surface = self.scene.surface(&ray, &hit);
+                let mut rays = RayCounts::default();
+                let mut link = LinkWalk { builder: self, cells, row: &mut row, share };
+                walk(self.scene, ray.direction, surface, &mut sampler, &mut rays, &mut link);
+                row.rays += rays;
+            } else {
+                row.direct += pi * soft_background(self.scene, self.sky, ray.direction);
             }
         }
         for point in points {
-            row.source += (self.caustic)(&point.surface) / points.len() as f32;
+            row.caustic += (self.caustic)(&point.surface) / points.len() as f32;
         }
+        row.source += row.caustic;
         row
     }
 
@@ -223,79 +237,30 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
             self.scene.occluded(&ray)
         })
     }
+}
 
-    /// Follows one link: adds the light on its way to the sources, and the cell at its end to the links. `share` is that of the ray in
-    /// the mean, so that radiance along it counts pi times as much in the irradiance.
-    fn walk(&self, cells: &Cells, ray: Ray, share: f32, sampler: &mut Sampler, row: &mut Row) {
-        let pi = std::f32::consts::PI;
-        let mut beta = Vec3::splat(share);
-        let mut ray = ray;
-        // Light at the end of mirrors and glass alone is a caustic, and not counted here.
-        let mut straight = true;
-        // Where the last glossy bounce was, and its density: what it meets counts beside what light sampling found there.
-        let mut glossy: Option<(Vec3A, f32)> = None;
-        for bounce in 1..MAX_WALK {
-            sampler.start_bounce(bounce);
-            row.rays.path += 1;
-            let Some(hit) = self.scene.intersect(&ray) else {
-                if straight {
-                    row.direct += beta * pi * soft_background(self.scene, self.sky, ray.direction);
-                } else if let Some((_, pdf)) = glossy {
-                    let weight = mis_weight(pdf, self.scene.lights().pdf_environment(ray.direction));
-                    row.source += beta * pi * weight * self.scene.background(ray.direction);
-                }
-                return;
-            };
-            straight = false;
-            let surface = self.scene.surface(&ray, &hit);
-            beta *= self.scene.transmittance(&surface);
-            if let Some((from, pdf)) = glossy {
-                let emission = self.scene.emission(&surface);
-                if emission != Vec3::ZERO {
-                    let light_pdf = self.scene.lights().pdf_surface(from, ray.direction, &surface);
-                    row.source += beta * pi * mis_weight(pdf, light_pdf) * emission;
-                }
-            }
-            let shading = Shading::new(self.scene, surface, ray.direction);
-            let u = sampler.next_4d();
-            let mut lobe = Lobes::SPECULAR;
-            if shading.bsdf.has_glossy() {
-                // The lobe goes on below; what light sampling finds of it is taken here, without the part left to the lobe.
-                let (_, specular) = direct_light(self.scene, &shading, sampler.next_4d(), None, &mut row.rays);
-                row.source += beta * pi * specular;
-            }
-            if shading.bsdf.has_diffuse() {
-                if let Some(cell) = cells.cell_of(&surface) {
-                    row.links.push((cell, beta * shading.bsdf.diffuse));
-                } else {
-                    let (diffuse, _) = direct_light(self.scene, &shading, sampler.next_4d(), None, &mut row.rays);
-                    row.source += beta * pi * (diffuse + shading.bsdf.diffuse / pi * (self.caustic)(&surface));
-                    // Only one way goes on where there are two.
-                    let ways = if shading.bsdf.specular == Specular::None { 1.0 } else { 2.0 };
-                    if sampler.next_1d() * ways < 1.0 {
-                        lobe = Lobes::DIFFUSE;
-                    }
-                    beta *= ways;
-                }
-            }
-            let Some(sample) = shading.bsdf.sample(lobe, shading.wo, u[0], Vec2::new(u[1], u[2])) else { return };
-            glossy = match (glossy, sample.delta) {
-                // Light sampling found all that the diffuse part sees by itself.
-                _ if lobe == Lobes::DIFFUSE => None,
-                (_, false) => Some((surface.p, sample.pdf)),
-                // Behind a mirror nothing else could have found the light.
-                (Some(_), true) => Some((surface.p, 0.0)),
-                (None, true) => None,
-            };
-            let wi = shading.frame.to_world(sample.wi);
-            beta *= sample.weight;
-            let survival = (beta.max_element() / share).min(0.95);
-            if u[3] >= survival || !shading.leaves(wi, sample.wi) {
-                return;
-            }
-            beta /= survival;
-            ray = shading.surface.spawn(wi);
-        }
+/// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
+struct LinkWalk<'a, C> {
+    builder: &'a CellBuilder<'a, C>,
+    cells: &'a Cells,
+    row: &'a mut Row,
+    /// Share of the ray in the mean of its cell, so that radiance along it counts pi times as much in the irradiance.
+    share: f32,
+}
+
+impl<C: Fn(&Surface) -> Vec3 + Sync> Visitor for LinkWalk<'_, C> {
+    fn visit(&mut self, shading: &Shading, beta: Vec3, _: f32) -> Taken {
+        let Some(cell) = self.cells.cell_of(&shading.surface) else { return Taken::Nothing };
+        self.row.links.push((cell, self.share * beta * shading.bsdf.diffuse));
+        Taken::All
+    }
+
+    fn add(&mut self, radiance: Vec3) {
+        self.row.source += self.share * std::f32::consts::PI * radiance;
+    }
+
+    fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        (self.builder.caustic)(surface)
     }
 }
 
@@ -303,6 +268,7 @@ impl Cells {
     /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio r tells what is still to come.
     fn solve(&mut self, rows: &[Row]) {
         self.direct = rows.iter().map(|row| row.direct).collect();
+        self.caustic = rows.iter().map(|row| row.caustic).collect();
         let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
         let mut last_change = f64::INFINITY;
         for step in 1..=MAX_ITERATIONS {
@@ -336,7 +302,7 @@ impl Cells {
 
     /// Bytes that cells take.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.direct.len() * 2 * size_of::<Vec3>() + self.table.slots.len() * size_of::<(u64, u32)>()
+        self.direct.len() * 3 * size_of::<Vec3>() + self.table.slots.len() * size_of::<(u64, u32)>()
     }
 
     /// The light of the cell of a surface; `None` where there is no cell, or one that something divides.
@@ -368,17 +334,16 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> Secondary for CellSource<'_, C> {
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         (self.caustic)(surface)
     }
+
+    fn blurred_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        let cell = self.cells.cell_of(surface);
+        cell.map_or_else(|| (self.caustic)(surface), |cell| self.cells.caustic[cell as usize])
+    }
 }
 
 /// A point with a white diffuse surface, to measure irradiance.
 fn white(point: &Shading) -> Shading {
     Shading { bsdf: Bsdf { diffuse: Vec3::ONE, specular: Specular::None }, ..*point }
-}
-
-fn cosine_ray(from: &Shading, u: Vec2) -> Option<Ray> {
-    let wi_local = hemimap::square_to_cosine_hemisphere(u);
-    let wi = from.frame.to_world(wi_local);
-    from.leaves(wi, wi_local).then(|| from.surface.spawn(wi))
 }
 
 /// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Never 0.

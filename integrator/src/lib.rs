@@ -22,6 +22,7 @@ mod statistics;
 mod study;
 mod surface_points;
 mod terms;
+mod walk;
 
 pub use explain::{Explanation, PointExplanation, RecordFacts, Step, explain};
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};

@@ -8,6 +8,7 @@ use scene::{Bsdf, LightSample, Lobes, Ray, Scene, Surface};
 use crate::sampler::Sampler;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
+use crate::walk::{Taken, Visitor, walk};
 
 /// What is known of the light at a surface, apart from what path tracing would find.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +28,11 @@ pub trait Secondary: Sync {
 
     /// Irradiance that came by mirrors or glass alone: the caustics. Zero in a scene without them.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
+
+    /// The same where a blur does no harm, at surfaces that gather rays meet; by a quicker way if there is one.
+    fn blurred_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        self.caustic_irradiance(surface)
+    }
 }
 
 /// Knows nothing: every path goes on by itself.
@@ -42,19 +48,6 @@ impl Secondary for NoSecondary {
         Vec3::ZERO
     }
 }
-
-/// From this bounce on, paths are ended by roulette.
-const ROULETTE_START: u32 = 2;
-
-/// Most that roulette lets a bounce survive which follows paths because nothing is known: these recurse, and white surfaces would take
-/// them deeper than the stack of a thread.
-const MAX_SURVIVAL: f32 = 0.75;
-
-/// No path branches off at its surfaces more often than this: a stack of a thread holds them.
-const MAX_DEPTH: u32 = 100;
-
-/// No path is longer, whatever the materials say.
-const MAX_BOUNCES: u32 = 1000;
 
 /// A point being shaded: surface, local frame and direction to the viewer.
 #[derive(Debug, Clone, Copy)]
@@ -76,6 +69,13 @@ impl Shading {
     pub(crate) fn leaves(&self, wi: Vec3A, wi_local: Vec3A) -> bool {
         wi.dot(self.surface.ng) * wi_local.z > 0.0
     }
+
+    /// A ray from the surface with a density of cos(theta) / pi; `None` where it would leave on the wrong side.
+    pub(crate) fn cosine_ray(&self, u: Vec2) -> Option<Ray> {
+        let wi_local = hemimap::square_to_cosine_hemisphere(u);
+        let wi = self.frame.to_world(wi_local);
+        self.leaves(wi, wi_local).then(|| self.surface.spawn(wi))
+    }
 }
 
 /// Follows light at secondary hits.
@@ -91,135 +91,34 @@ impl<S: Secondary> Follower<'_, S> {
     /// Radiance that the surface met by `ray` sends back along it, without what it emits, and without light that came there by
     /// mirrors or glass alone: that is the caustic of the point that gathers.
     pub(crate) fn reflected(&self, ray: &Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        self.follow(ray, surface, sampler, rays, 0)
+        let mut answer = Answer { follower: self, radiance: Vec3::ZERO };
+        walk(self.scene, ray.direction, surface, sampler, rays, &mut answer);
+        answer.radiance
+    }
+}
+
+/// The light that a walk finds with the help of a secondary solution.
+struct Answer<'a, S> {
+    follower: &'a Follower<'a, S>,
+    radiance: Vec3,
+}
+
+impl<S: Secondary> Visitor for Answer<'_, S> {
+    fn visit(&mut self, shading: &Shading, beta: Vec3, near: f32) -> Taken {
+        let known = self.follower.secondary.irradiance(&shading.surface).filter(|known| near >= known.resolution);
+        let Some(known) = known else { return Taken::Nothing };
+        let direct = known.direct.filter(|_| !self.follower.samples_light);
+        let irradiance = direct.unwrap_or_default() + known.indirect;
+        self.radiance += beta * shading.bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI;
+        if direct.is_some() { Taken::All } else { Taken::Indirect }
     }
 
-    fn follow(&self, ray: &Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts, depth: u32) -> Vec3 {
-        let mut shading = Shading::new(self.scene, surface, ray.direction);
-        let mut beta = self.scene.transmittance(&shading.surface);
-        let mut radiance = Vec3::ZERO;
-        let mut path_length = shading.surface.t;
-        // Only resolvable from afar: the first hit, or one seen through mirrors.
-        let mut may_refine = depth == 0;
-        // How the last glossy bounce may count what it meets by itself: its density, and from where.
-        let mut glossy: Option<(Surface, f32)> = None;
-        for bounce in 1..MAX_BOUNCES {
-            sampler.start_bounce(bounce);
-            let Shading { bsdf, .. } = shading;
-            let known = self.known(&shading, path_length, may_refine);
-            let needs_light = bsdf.has_diffuse() && known.is_none_or(|known| known.direct.is_none());
-            if needs_light || bsdf.has_glossy() {
-                let (diffuse, specular) = direct_light(self.scene, &shading, sampler.next_4d(), None, rays);
-                radiance += beta * specular;
-                if needs_light {
-                    radiance += beta * diffuse;
-                }
-            }
-            if needs_light && self.scene.features().emissive_unsampled {
-                radiance += beta * unsampled_emission(self.scene, &shading, sampler.next_2d(), rays);
-            }
-            if let Some(known) = known {
-                let irradiance = known.direct.unwrap_or_default() + known.indirect;
-                radiance += beta * bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI;
-            } else if bsdf.has_diffuse() {
-                radiance += beta * self.diffuse_bounce(&shading, beta, may_refine, depth, sampler, rays);
-            }
-            // The specular part goes on as a path.
-            let u = sampler.next_4d();
-            let Some(sample) = bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2])) else {
-                break;
-            };
-            beta *= sample.weight;
-            if bounce >= ROULETTE_START {
-                let survival = beta.max_element().min(0.95);
-                if u[3] >= survival {
-                    break;
-                }
-                beta /= survival;
-            }
-            let wi = shading.frame.to_world(sample.wi);
-            if beta == Vec3::ZERO || !shading.leaves(wi, sample.wi) {
-                break;
-            }
-            if !sample.delta {
-                glossy = Some((shading.surface, sample.pdf));
-                may_refine = false;
-            } else if glossy.is_some() {
-                // After a mirror nothing else could have found the light.
-                glossy = Some((shading.surface, 0.0));
-            }
-            let next = shading.surface.spawn(wi);
-            rays.path += 1;
-            let Some(hit) = self.scene.intersect(&next) else {
-                if let Some((_, pdf)) = glossy {
-                    let weight = mis_weight(pdf, self.scene.lights().pdf_environment(wi));
-                    radiance += beta * weight * self.scene.background(wi);
-                }
-                break;
-            };
-            let surface = self.scene.surface(&next, &hit);
-            beta *= self.scene.transmittance(&surface);
-            path_length = if sample.delta { path_length + surface.t } else { f32::INFINITY };
-            if let Some((from, pdf)) = &glossy {
-                let emission = self.scene.emission(&surface);
-                if emission != Vec3::ZERO {
-                    let light_pdf = self.scene.lights().pdf_surface(from.p, wi, &surface);
-                    radiance += beta * mis_weight(*pdf, light_pdf) * emission;
-                }
-            }
-            shading = Shading::new(self.scene, surface, wi);
-        }
-        radiance
+    fn add(&mut self, radiance: Vec3) {
+        self.radiance += radiance;
     }
 
-    /// What is known of the light on the diffuse part of a surface, if that is far enough to take it.
-    fn known(&self, shading: &Shading, distance: f32, may_refine: bool) -> Option<Known> {
-        if !shading.bsdf.has_diffuse() {
-            return None;
-        }
-        let mut known = self.secondary.irradiance(&shading.surface)?;
-        if self.samples_light {
-            known.direct = None;
-        }
-        (!may_refine || distance >= known.resolution).then_some(known)
-    }
-
-    /// What the diffuse part reflects of light that was reflected before, one bounce further. `refines` says that the bounce was
-    /// chosen for its resolution, so that the next one may be looked up; else nothing is known and roulette decides by what the path
-    /// carries, `beta`: every lobe goes on, and only so the branches stay fewer than one for each.
-    fn diffuse_bounce(
-        &self,
-        shading: &Shading,
-        beta: Vec3,
-        refines: bool,
-        depth: u32,
-        sampler: &mut Sampler,
-        rays: &mut RayCounts,
-    ) -> Vec3 {
-        if depth >= MAX_DEPTH {
-            return Vec3::ZERO;
-        }
-        let albedo = shading.bsdf.diffuse;
-        let u = sampler.next_4d();
-        let survival = if refines { 1.0 } else { (beta * albedo).max_element().min(MAX_SURVIVAL) };
-        if u[2] >= survival {
-            return Vec3::ZERO;
-        }
-        let caustic = self.secondary.caustic_irradiance(&shading.surface) * std::f32::consts::FRAC_1_PI;
-        let wi_local = hemimap::square_to_cosine_hemisphere(Vec2::new(u[0], u[1]));
-        let wi = shading.frame.to_world(wi_local);
-        let mut incident = Vec3::ZERO;
-        if shading.leaves(wi, wi_local) {
-            let next = shading.surface.spawn(wi);
-            rays.path += 1;
-            if let Some(hit) = self.scene.intersect(&next) {
-                let surface = self.scene.surface(&next, &hit);
-                // A bounce of its own, so its numbers must not be those of this one.
-                let mut own = sampler.split();
-                incident = self.follow(&next, surface, &mut own, rays, depth + 1);
-            }
-        }
-        albedo * (incident + caustic) / survival
+    fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        self.follower.secondary.blurred_caustic_irradiance(surface)
     }
 }
 
@@ -256,17 +155,12 @@ pub(crate) fn direct_light(
 /// Direct light of sources that light sampling does not know, such as free forms that shine, reflected by the diffuse part: by one
 /// cosine-distributed ray.
 pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays: &mut RayCounts) -> Vec3 {
-    let wi_local = hemimap::square_to_cosine_hemisphere(u);
-    let wi = shading.frame.to_world(wi_local);
-    if !shading.leaves(wi, wi_local) {
-        return Vec3::ZERO;
-    }
-    let ray = shading.surface.spawn(wi);
+    let Some(ray) = shading.cosine_ray(u) else { return Vec3::ZERO };
     rays.path += 1;
     let Some(hit) = scene.intersect(&ray) else { return Vec3::ZERO };
     let surface = scene.surface(&ray, &hit);
     let emission = scene.emission(&surface);
-    let known = emission == Vec3::ZERO || scene.lights().pdf_surface(shading.surface.p, wi, &surface) > 0.0;
+    let known = emission == Vec3::ZERO || scene.lights().pdf_surface(shading.surface.p, ray.direction, &surface) > 0.0;
     if known { Vec3::ZERO } else { shading.bsdf.diffuse * emission }
 }
 

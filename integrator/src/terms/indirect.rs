@@ -86,13 +86,16 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             .par_iter()
             .map_init(Vec::new, |weights, point| {
                 let mut rays = RayCounts::default();
+                if !self.asks(point) {
+                    return (Incident::default(), rays);
+                }
                 let frame = Frame::from_normal(point.shading.surface.n);
                 let samples = self.gatherer.gather(&point.shading.surface, &frame, self.plan.n, point.key, &mut rays);
                 self.tell(point, || Step::Gathered { resolution: self.plan.n, record: None });
                 (self.of_samples(&samples, &frame, point, weights), rays)
             })
             .collect();
-        counts.gathered += points.len() as u64;
+        counts.gathered += points.iter().filter(|point| self.asks(point)).count() as u64;
         found
             .into_iter()
             .map(|(incident, rays)| {
@@ -102,10 +105,16 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             .collect()
     }
 
+    /// Whether anything of a point is lit by a texture: a narrow lobe alone is traced.
+    fn asks(&self, point: &SurfacePoint) -> bool {
+        point.shading.bsdf.has_diffuse() || needs_texture(&point.shading, self.plan)
+    }
+
     /// Evaluates or interpolates every point, making records where they are missing.
     pub(crate) fn reproject_all(&self, lattice: &Lattice, index: &mut Index, counts: &mut Counts) -> Vec<Incident> {
         let points = lattice.points();
-        let mut values: Vec<Option<Incident>> = vec![None; points.len()];
+        let mut values: Vec<Option<Incident>> =
+            points.iter().map(|point| (!self.asks(point)).then(Incident::default)).collect();
         for stride in STRIDES {
             let level = lattice.level(stride, &values);
             let interpolated: Vec<Option<Incident>> = level

@@ -212,9 +212,11 @@ impl Bsdf {
         })
     }
 
-    /// Returns the probability that [`Bsdf::sample`] takes the specular part.
+    /// Returns the probability that [`Bsdf::sample`] takes the specular part among `lobes`: about its share of the energy, 0 where there is
+    /// none and 1 where there is no other.
     #[inline]
-    fn specular_probability(&self, lobes: Lobes, wo: Vec3A) -> f32 {
+    #[must_use]
+    pub fn specular_probability(&self, lobes: Lobes, wo: Vec3A) -> f32 {
         if !lobes.contains(Lobes::SPECULAR) {
             return 0.0;
         }

@@ -1,0 +1,124 @@
+//! The walk of light behind a gather ray: through mirrors, glass and gloss, and from diffuse surfaces of which nothing is known, until
+//! roulette ends it. One loop for all who ask, and none that branches, so that no scene can outgrow the stack of a thread.
+
+use glam::{Vec2, Vec3, Vec3A};
+use scene::{Lobes, Scene, Surface};
+
+use crate::sampler::Sampler;
+use crate::secondary::{Shading, direct_light, mis_weight, unsampled_emission};
+use crate::statistics::RayCounts;
+
+/// From this bounce on, walks are ended by roulette.
+const ROULETTE_START: u32 = 2;
+
+/// No walk is longer, whatever the materials say.
+const MAX_BOUNCES: u32 = 1000;
+
+/// What a visitor knows of the light on the diffuse part of a surface, and has taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Taken {
+    /// All of it.
+    All,
+    /// What was reflected or refracted before: direct light is still to be sampled.
+    Indirect,
+    /// Nothing.
+    Nothing,
+}
+
+/// Who asks for the light at the end of a walk.
+pub(crate) trait Visitor {
+    /// Comes to a surface with a diffuse part, with throughput `beta`, and takes what is known of its light. `near` is the length of the way so
+    /// far if a longer one is worth waiting for: infinite behind gloss and diffuse surfaces, which blur what they show.
+    fn visit(&mut self, shading: &Shading, beta: Vec3, near: f32) -> Taken;
+
+    /// Adds radiance that reaches the start of the walk.
+    fn add(&mut self, radiance: Vec3);
+
+    /// Irradiance by caustics at a surface.
+    fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
+}
+
+/// Walks on from the surface that a ray of this `direction` met. Emission there is not counted, and neither is light that came to the surface
+/// by mirrors or glass alone: that is the caustic of the point where the ray started.
+pub(crate) fn walk(
+    scene: &Scene,
+    direction: Vec3A,
+    surface: Surface,
+    sampler: &mut Sampler,
+    rays: &mut RayCounts,
+    visitor: &mut impl Visitor,
+) {
+    let mut beta = scene.transmittance(&surface);
+    let mut near = surface.t;
+    let mut shading = Shading::new(scene, surface, direction);
+    // Where the last glossy bounce was, and its density: what it meets counts beside what light sampling found there.
+    let mut glossy: Option<(Vec3A, f32)> = None;
+    for bounce in 1..MAX_BOUNCES {
+        sampler.start_bounce(bounce);
+        let Shading { bsdf, .. } = shading;
+        let taken = if bsdf.has_diffuse() { visitor.visit(&shading, beta, near) } else { Taken::All };
+        if taken != Taken::All || bsdf.has_glossy() {
+            let (diffuse, specular) = direct_light(scene, &shading, sampler.next_4d(), None, rays);
+            visitor.add(beta * if taken == Taken::All { specular } else { diffuse + specular });
+        }
+        if taken != Taken::All && scene.features().emissive_unsampled {
+            visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_2d(), rays));
+        }
+        let [mut u_lobe, u, v, u_roulette] = sampler.next_4d();
+        let mut lobe = Lobes::SPECULAR;
+        if taken == Taken::Nothing {
+            let caustic = visitor.caustic_irradiance(&shading.surface) * std::f32::consts::FRAC_1_PI;
+            visitor.add(beta * bsdf.diffuse * caustic);
+            // Only one way goes on where there are two, and the number that chose it is used again.
+            let specular = bsdf.specular_probability(Lobes::ALL, shading.wo);
+            if u_lobe < specular {
+                u_lobe /= specular;
+                beta /= specular;
+            } else {
+                lobe = Lobes::DIFFUSE;
+                beta /= 1.0 - specular;
+            }
+        }
+        let Some(sample) = bsdf.sample(lobe, shading.wo, u_lobe, Vec2::new(u, v)) else { break };
+        beta *= sample.weight;
+        if bounce >= ROULETTE_START {
+            let survival = beta.max_element().min(0.95);
+            if u_roulette >= survival {
+                break;
+            }
+            beta /= survival;
+        }
+        let wi = shading.frame.to_world(sample.wi);
+        if beta == Vec3::ZERO || !shading.leaves(wi, sample.wi) {
+            break;
+        }
+        glossy = match (glossy, sample.delta) {
+            // Light sampling and the caustics found all that the diffuse part sees by itself.
+            _ if lobe == Lobes::DIFFUSE => None,
+            (_, false) => Some((shading.surface.p, sample.pdf)),
+            // Behind a mirror nothing else could have found the light.
+            (Some(_), true) => Some((shading.surface.p, 0.0)),
+            (None, true) => None,
+        };
+        let next = shading.surface.spawn(wi);
+        rays.path += 1;
+        let Some(hit) = scene.intersect(&next) else {
+            if let Some((_, pdf)) = glossy {
+                let weight = mis_weight(pdf, scene.lights().pdf_environment(wi));
+                visitor.add(beta * weight * scene.background(wi));
+            }
+            break;
+        };
+        let surface = scene.surface(&next, &hit);
+        beta *= scene.transmittance(&surface);
+        near = if sample.delta { near + surface.t } else { f32::INFINITY };
+        if let Some((from, pdf)) = glossy {
+            let emission = scene.emission(&surface);
+            if emission != Vec3::ZERO {
+                let light_pdf = scene.lights().pdf_surface(from, wi, &surface);
+                visitor.add(beta * mis_weight(pdf, light_pdf) * emission);
+            }
+        }
+        shading = Shading::new(scene, surface, wi);
+    }
+}
