@@ -1,23 +1,30 @@
-//! The reprojection of one record to one point: `reproject/n32/PART/SCENE`, no ray traced.
+//! The reprojection of one record to one point, no ray traced: projection, masks, trails, weights and sum.
 //!
-//! `scalar` is all of it: projection, masks, weights and sum. `corners` is its first part alone; `paper` is the paper's
-//! own variant; `weighted_sum` is what a glossy lobe adds. Times are for one reprojection.
+//! `reproject/n32/KERNEL/SCENE` are real gathers, a dozen pairs of record and point in turn; `reproject/nN/KERNEL/SCENE` for other N
+//! are rooms of a few shapes with the widest kernel. `corners` is the first part alone; `paper` is the paper's own variant;
+//! `project_weighted_sum` has the sum over texels too
+//! that a glossy lobe needs. Times are for one reprojection.
 
+use benches::gathers::{Gathers, gathers};
 use benches::rooms::{Rays, gather};
 use benches::{Move, moves};
 use criterion::{BenchmarkId, Criterion};
 use glam::{Mat3A, Vec3, Vec3A};
-use reproject::{AreaWeights, Coverage, Settings, Trails, Workspace, project_corners};
+use reproject::{AreaWeights, Coverage, Kernel, Settings, Trails, Workspace, project_corners};
 use std::hint::black_box;
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
+    for scene in gathers(32) {
+        kernels(&mut criterion, &scene);
+    }
     for n in [16, 32, 64] {
         let moves = moves(n);
         moves.iter().for_each(check);
-        whole(&mut criterion, n, &moves);
         if n == 32 {
             parts(&mut criterion, n, &moves);
+        } else {
+            widest(&mut criterion, n, &moves);
         }
     }
     criterion.final_summary();
@@ -35,11 +42,38 @@ fn check(case: &Move) {
     assert!(shares.filled > 0.5, "{}: the record serves the point", case.name);
 }
 
-fn whole(criterion: &mut Criterion, n: usize, moves: &[Move]) {
+/// Each kernel over the pairs of a scene in turn, after its answers were found to be those of the scalar one.
+fn kernels(criterion: &mut Criterion, scene: &Gathers) {
+    let settings = Settings::default();
+    let mut group = criterion.benchmark_group("reproject/n32");
+    let mut scalar = Workspace::with_kernel(Kernel::Scalar);
+    for kernel in Kernel::ALL.into_iter().filter(|kernel| kernel.is_supported()) {
+        let mut workspace = Workspace::with_kernel(kernel);
+        for pair in &scene.pairs {
+            let [found, expected] = [&mut workspace, &mut scalar].map(|workspace| {
+                let shares = workspace.project(&pair.record, pair.to, pair.normal, &settings);
+                (shares, workspace.mean_radiance())
+            });
+            assert_eq!(found, expected, "{kernel:?} in {}", scene.name);
+        }
+        let mut next = 0;
+        group.bench_function(BenchmarkId::new(kernel.name(), scene.name), |bencher| {
+            bencher.iter(|| {
+                next = (next + 1) % scene.pairs.len();
+                let pair = black_box(&scene.pairs[next]);
+                workspace.project(&pair.record, pair.to, pair.normal, &settings);
+                black_box(workspace.mean_radiance())
+            });
+        });
+    }
+    group.finish();
+}
+
+fn widest(criterion: &mut Criterion, n: usize, moves: &[Move]) {
     let mut group = criterion.benchmark_group(format!("reproject/n{n}"));
     for case in moves {
         let mut workspace = Workspace::new();
-        group.bench_function(BenchmarkId::new("scalar", case.name), |bencher| {
+        group.bench_function(BenchmarkId::new(workspace.kernel().name(), case.name), |bencher| {
             bencher.iter(|| {
                 workspace.project(black_box(&case.record), black_box(case.to), Vec3A::Z, &Settings::default());
                 black_box(workspace.mean_radiance())
@@ -75,10 +109,12 @@ fn parts(criterion: &mut Criterion, n: usize, moves: &[Move]) {
                 black_box(workspace.mean_radiance())
             });
         });
-        workspace.project(&case.record, case.to, Vec3A::Z, &Settings::default());
         let weights = vec![Vec3::splat(1.0 / (n * n) as f32); n * n];
-        group.bench_function(BenchmarkId::new("weighted_sum", case.name), |bencher| {
-            bencher.iter(|| black_box(workspace.weighted_sum(black_box(&case.record), black_box(&weights))));
+        group.bench_function(BenchmarkId::new("project_weighted_sum", case.name), |bencher| {
+            bencher.iter(|| {
+                workspace.project(black_box(&case.record), black_box(case.to), Vec3A::Z, &Settings::default());
+                black_box(workspace.weighted_sum(black_box(&case.record), black_box(&weights)))
+            });
         });
     }
     group.finish();

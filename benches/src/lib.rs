@@ -4,6 +4,8 @@
 #[path = "../../reproject/tests/rooms/mod.rs"]
 pub mod rooms;
 
+pub mod gathers;
+
 use glam::Vec3A;
 use radcache::{Record, RecordSettings};
 use rooms::Scene;

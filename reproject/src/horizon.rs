@@ -77,8 +77,8 @@ impl Workspace {
         if depth <= ROUNDING || depth.is_nan() {
             return;
         }
-        let unknown: &mut Rows = &mut self.masks.unknown;
+        let masks = &mut self.masks;
         let normal = self.frame.to_local(record.frame().n);
-        self.centres.of(self.n).rows_below(normal, depth / UNSEEN_SHARE, |j, bits| unknown[j] |= bits);
+        self.centres.of(self.n).rows_below(normal, depth / UNSEEN_SHARE, |j, bits| masks.unknown[j] = bits & !masks.fill[j]);
     }
 }

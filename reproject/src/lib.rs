@@ -1,5 +1,5 @@
 #![doc = include_str!("../README.md")]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod clip;
 mod holes;
@@ -9,11 +9,10 @@ mod masks;
 mod project;
 mod raster;
 mod tracer;
-mod trail;
 mod verify;
 mod workspace;
 
-pub use kernel::project_corners;
+pub use kernel::{Kernel, project_corners};
 pub use masks::{Masks, Rows};
 pub use raster::{polygon_rows, rectangle_rows};
 pub use tracer::{Traced, Tracer};

@@ -36,22 +36,6 @@ impl Masks {
         *self = Self::new(n);
     }
 
-    /// Ends a layer: its bits become filled, and what its trails swept and nothing fills becomes unknown.
-    pub fn end_layer(&mut self, layer_fill: &mut Rows, trail: &mut Rows) {
-        for j in 0..self.n {
-            self.fill[j] |= layer_fill[j];
-            self.unknown[j] |= trail[j] & !self.fill[j];
-            layer_fill[j] = 0;
-            trail[j] = 0;
-        }
-    }
-
-    /// Bits of row j that are closed to farther layers.
-    #[inline]
-    pub(crate) fn closed(&self, j: usize) -> u64 {
-        self.fill[j] | self.unknown[j]
-    }
-
     /// Bits of row j that nothing fills: unknown ones and gaps.
     #[must_use]
     pub fn holes(&self, j: usize) -> u64 {
@@ -68,32 +52,4 @@ impl Masks {
 /// A row with its first n bits set.
 pub(crate) fn full_row(n: usize) -> u64 {
     u64::MAX >> (MAX_RESOLUTION - n)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn fill_trace_unknown_obey_set_algebra(fills in prop::collection::vec((any::<u64>(), any::<u64>()), 1..6), n in 1usize..=64) {
-            let mut masks = Masks::new(n);
-            let (mut filled, mut unknown) = (0u64, 0u64);
-            for (fill, trail) in fills {
-                let fill = fill & full_row(n) & !(filled | unknown);
-                let trail = trail & full_row(n);
-                let (mut layer, mut swept) = ([0; MAX_RESOLUTION], [0; MAX_RESOLUTION]);
-                layer[0] = fill;
-                swept[0] = trail;
-                masks.end_layer(&mut layer, &mut swept);
-                filled |= fill;
-                unknown |= trail & !filled;
-                prop_assert_eq!(layer[0] | swept[0], 0, "ready for the next layer");
-            }
-            prop_assert_eq!((masks.fill[0], masks.unknown[0]), (filled, unknown));
-            prop_assert_eq!(masks.fill[0] & masks.unknown[0], 0, "disjoint");
-            prop_assert_eq!(masks.holes(0) | masks.fill[0], full_row(n), "together all");
-        }
-    }
 }

@@ -6,7 +6,6 @@ use glam::{Mat3A, Vec2, Vec3A};
 use radcache::Record;
 
 use crate::holes::hash;
-use crate::workspace::NOBODY;
 use crate::{Traced, Tracer, Workspace};
 
 /// Off the element's plane by more than this share of the distance, a hit is something else...
@@ -29,7 +28,7 @@ impl Workspace {
     pub fn verify(&mut self, record: &Record, side: u32, seed: u64, tracer: &mut impl Tracer) -> Verdict {
         self.directions.clear();
         self.holes.clear();
-        let mut texels = [0usize; MAX_SIDE * MAX_SIDE];
+        let mut owners = [0usize; MAX_SIDE * MAX_SIDE];
         let mut asked = 0;
         let side = (side as usize).min(MAX_SIDE);
         for cell in 0..side * side {
@@ -37,8 +36,8 @@ impl Workspace {
             let jitter = Vec2::new(unit(random >> 40), unit(random >> 16));
             let place = (Vec2::new((cell % side) as f32, (cell / side) as f32) + jitter) / side as f32;
             let texel = texel_at(place, self.n);
-            if self.owner[texel] != NOBODY {
-                texels[asked] = texel;
+            if let Some(owner) = self.owner(texel) {
+                owners[asked] = owner;
                 asked += 1;
                 let wi = self.frame.to_world(hemimap::square_to_cosine_hemisphere(place));
                 self.directions.push(wi);
@@ -49,7 +48,7 @@ impl Workspace {
         tracer.probe(&self.directions, &mut self.traced);
         let wrong = (0..asked).filter(|&k| {
             let wi = record.frame().to_local(self.directions[k]);
-            !self.agrees(record, usize::from(self.owner[texels[k]]), wi, self.traced[k].distance)
+            !self.agrees(record, owners[k], wi, self.traced[k].distance)
         });
         let wrong = wrong.count();
         self.traced.clear();

@@ -2,11 +2,12 @@
 
 use glam::{Mat3A, Vec3, Vec3A};
 use hemimap::Frame;
-use radcache::{Elements, MAX_RESOLUTION, Record};
+use radcache::{Elements, Record};
 
 use crate::holes::Hole;
 use crate::horizon::TexelCentres;
-use crate::masks::{Masks, Rows};
+use crate::kernel::{Board, Kernel, NOBODY};
+use crate::masks::Masks;
 use crate::{Traced, Tracer};
 
 /// What of the square an element covers.
@@ -71,9 +72,6 @@ pub struct Shares {
     pub holes: f32,
 }
 
-/// No element.
-pub(crate) const NOBODY: u16 = u16::MAX;
-
 /// Buffers of a reprojection, and its result; kept by a thread and used again, so that no call allocates.
 ///
 /// The order of calls: [`Self::project`], perhaps [`Self::verify`], then [`Self::trace_holes`], then any of the results. Texels are indexed as in
@@ -87,18 +85,13 @@ pub struct Workspace {
     pub(crate) offset: Vec3A,
     pub(crate) masks: Masks,
     pub(crate) centres: TexelCentres,
-    /// Corners of the elements in the square, and their heights.
-    pub(crate) u: [Vec<f32>; 4],
-    pub(crate) v: [Vec<f32>; 4],
-    pub(crate) z: [Vec<f32>; 4],
-    /// Share of the integral of each element, padded as they are.
-    pub(crate) weight: Vec<f32>,
-    /// The element that fills each texel, with room for a whole run after the last.
-    pub(crate) owner: Vec<u16>,
-    /// Bits of one polygon.
-    pub(crate) bits: Rows,
-    pub(crate) layer_fill: Rows,
-    pub(crate) trail: Rows,
+    pub(crate) kernel: Kernel,
+    /// The board that the kernel uses up to 32 texels along a side, and the one beyond.
+    pub(crate) narrow: Board<u32>,
+    pub(crate) wide: Board<u64>,
+    /// The element that fills each texel, if that was asked.
+    owners: Vec<u16>,
+    pub(crate) has_owners: bool,
     pub(crate) holes: Vec<Hole>,
     pub(crate) directions: Vec<Vec3A>,
     pub(crate) traced: Vec<Traced>,
@@ -115,9 +108,19 @@ impl Default for Workspace {
 }
 
 impl Workspace {
-    /// Empty buffers.
+    /// Empty buffers, and the widest kernel that the processor has.
     #[must_use]
     pub fn new() -> Self {
+        Self::with_kernel(Kernel::detect())
+    }
+
+    /// Empty buffers, and a kernel of choice: all give the same bits.
+    ///
+    /// # Panics
+    /// If the processor does not have it.
+    #[must_use]
+    pub fn with_kernel(kernel: Kernel) -> Self {
+        assert!(kernel.is_supported(), "{kernel:?} is not for this processor");
         Self {
             n: 1,
             frame: Frame::from_normal(Vec3A::Z),
@@ -125,14 +128,11 @@ impl Workspace {
             offset: Vec3A::ZERO,
             masks: Masks::new(1),
             centres: TexelCentres::default(),
-            u: Default::default(),
-            v: Default::default(),
-            z: Default::default(),
-            weight: Vec::new(),
-            owner: Vec::new(),
-            bits: [0; MAX_RESOLUTION],
-            layer_fill: [0; MAX_RESOLUTION],
-            trail: [0; MAX_RESOLUTION],
+            kernel,
+            narrow: Board::default(),
+            wide: Board::default(),
+            owners: Vec::new(),
+            has_owners: false,
             holes: Vec::new(),
             directions: Vec::new(),
             traced: Vec::new(),
@@ -177,9 +177,10 @@ impl Workspace {
     /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's ray.
     pub fn texture(&mut self, record: &Record) -> &[Vec3] {
         let elements = record.elements();
+        self.find_owners();
         self.texture.clear();
         self.texture.extend(
-            self.owner[..self.n * self.n]
+            self.owners
                 .iter()
                 .map(|&owner| if owner == NOBODY { Vec3::ZERO } else { radiance(elements, usize::from(owner)) }),
         );
@@ -195,7 +196,7 @@ impl Workspace {
     /// # Panics
     /// If there are not n x n weights.
     #[must_use]
-    pub fn weighted_sum(&self, record: &Record, weights: &[Vec3]) -> Vec3 {
+    pub fn weighted_sum(&mut self, record: &Record, weights: &[Vec3]) -> Vec3 {
         let [near, far] = self.weighted_sum_by_distance(record, weights);
         near + far
     }
@@ -205,11 +206,12 @@ impl Workspace {
     /// # Panics
     /// If there are not n x n weights.
     #[must_use]
-    pub fn weighted_sum_by_distance(&self, record: &Record, weights: &[Vec3]) -> [Vec3; 2] {
+    pub fn weighted_sum_by_distance(&mut self, record: &Record, weights: &[Vec3]) -> [Vec3; 2] {
         assert_eq!(weights.len(), self.n * self.n, "a weight for each texel");
+        self.find_owners();
         let elements = record.elements();
         let mut sum = [Vec3::ZERO; 2];
-        for (&owner, &weight) in self.owner.iter().zip(weights) {
+        for (&owner, &weight) in self.owners.iter().zip(weights) {
             if owner != NOBODY && weight != Vec3::ZERO {
                 let e = usize::from(owner);
                 let light = radiance(elements, e) * weight;
@@ -243,11 +245,34 @@ impl Workspace {
         &self.masks
     }
 
+    /// The kernel that it uses.
+    #[must_use]
+    pub fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
     /// The element that fills a texel, if any does.
     #[must_use]
     pub fn owner(&self, texel: usize) -> Option<usize> {
-        let owner = self.owner[texel];
-        (owner != NOBODY).then_some(usize::from(owner))
+        let (i, j) = (texel % self.n, texel / self.n);
+        if self.is_narrow() { self.narrow.owner(i, j) } else { self.wide.owner(i, j) }
+    }
+
+    /// Whether rows are words of 32 bits.
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.n <= 32
+    }
+
+    /// Finds the owners of all texels, unless that was done.
+    fn find_owners(&mut self) {
+        if !self.has_owners {
+            self.has_owners = true;
+            if self.is_narrow() {
+                self.narrow.owners(self.n, &mut self.owners);
+            } else {
+                self.wide.owners(self.n, &mut self.owners);
+            }
+        }
     }
 }
 

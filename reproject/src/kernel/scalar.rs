@@ -1,8 +1,15 @@
-//! Corners of elements in space to corners in the square, in plain loops over arrays that the compiler turns into lanes.
+//! The specification: one element after another. And the map of corners in space to the square, which all kernels share.
+
+#![expect(clippy::cast_possible_truncation, reason = "elements are at most 64 x 64, rows at most 64")]
 
 use glam::{Mat3A, Vec2, Vec3A};
 use hemimap::atan_unit;
 use radcache::{Elements, LANES};
+
+use super::board::{Board, KEPT, LOW, Places, Task, Word, kind};
+use crate::clip::signed_area;
+use crate::raster::polygon_rows;
+use crate::{Coverage, Masks, Rows, Trails};
 
 /// 4 / pi.
 const FOUR_OVER_PI: f32 = 4.0 * std::f32::consts::FRAC_1_PI;
@@ -51,7 +58,7 @@ pub fn project_corners(
 /// The place in the square of a direction of any length in the local frame; on the rim for what lies below the horizon. The
 /// direction of no length maps to the centre.
 #[inline(always)]
-fn to_square(x: f32, y: f32, z: f32) -> (f32, f32) {
+pub(super) fn to_square(x: f32, y: f32, z: f32) -> (f32, f32) {
     // By comparison, for it is one instruction; `f32::max` is more.
     let above = if z > 0.0 { z } else { 0.0 };
     let planar_sq = x * x + y * y;
@@ -72,6 +79,117 @@ fn to_square(x: f32, y: f32, z: f32) -> (f32, f32) {
 /// [`to_square`] for a vector.
 pub(crate) fn direction_to_square(direction: Vec3A) -> Vec2 {
     to_square(direction.x, direction.y, direction.z).into()
+}
+
+/// One reprojection, element by element.
+pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut Board<W>) -> [f32; 7] {
+    board.reset(task, masks);
+    let Board { places, grid, .. } = board;
+    for e in 0..task.elements.len() {
+        let mut kinds = 0;
+        for k in 0..4 {
+            let corner = task.rotation * (task.elements.corner(e, k) - task.offset * task.elements.finite[e]);
+            (places.u[k][e], places.v[k][e]) = to_square(corner.x, corner.y, corner.z);
+            kinds |= if corner.z >= 0.0 { 0 } else { kind::CUT };
+        }
+        let quad = places.quad(e);
+        let area = signed_area(&quad);
+        places.area[e] = area;
+        let fills = area > 0.0 && !task.elements.view_dependent[e];
+        kinds |= if fills { 0 } else { kind::HOLLOW };
+        let quad = match task.settings.coverage {
+            Coverage::Quad => quad,
+            Coverage::Rectangle => {
+                let low = quad.into_iter().reduce(Vec2::min).expect("four corners");
+                let high = quad.into_iter().reduce(Vec2::max).expect("four corners");
+                [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
+            }
+        };
+        let (first, tall) = keep(&quad, task.n, &mut grid.rows[e]);
+        places.first[e] = first;
+        places.kind[e] = kinds | tall;
+        if kinds | tall & kind::TALL != 0 {
+            places.slow.push(e as u16);
+        }
+    }
+    places.trail_count = 0;
+    for e in 0..task.elements.len() {
+        let count = match task.settings.trails {
+            Trails::Silhouettes => 4,
+            Trails::All => 1,
+        };
+        for k in 0..count {
+            let leaves = match task.settings.trails {
+                Trails::Silhouettes => task.elements.sides[e].has(k),
+                Trails::All => task.elements.finite[e] != 0.0,
+            };
+            if leaves {
+                let (t, code) = (places.trail_count, (4 * e + k) as u16);
+                let (first, tall) = keep(&trail_polygon(task, places, code), task.n, &mut grid.trail_rows[t]);
+                places.trails[t] = code;
+                places.trail_first[t] = first;
+                places.trail_kind[t] = tall;
+                places.trail_count += 1;
+            }
+        }
+    }
+    super::fill::fill(task, board);
+    board.show(masks);
+    super::sums::sum(task, &board.places)
+}
+
+/// Keeps the first rows of a polygon; tells which was the first, and whether there were more.
+fn keep<W: Word>(polygon: &[Vec2; 4], n: usize, kept: &mut [W; KEPT]) -> (u8, u8) {
+    let mut bits: Rows = [0; radcache::MAX_RESOLUTION];
+    let rows = polygon_rows(polygon, n, &mut bits);
+    let first = rows.start;
+    let tall = if rows.len() > KEPT { kind::TALL } else { 0 } | if rows.len() > LOW { kind::HIGH } else { 0 };
+    *kept = [W::default(); KEPT];
+    for (kept, row) in kept.iter_mut().zip(&bits[rows]) {
+        *kept = W::narrow(*row);
+    }
+    (first as u8, tall)
+}
+
+/// The corner `k` of element `e` in the texel grid, in texels.
+#[inline(always)]
+pub(super) fn grid_corner(elements: &Elements, e: usize, k: usize) -> Vec2 {
+    let [i, j] = elements.start[e].map(f32::from);
+    let [w, h] = elements.size[e].map(f32::from);
+    let (right, top) = (k == 1 || k == 2, k >= 2);
+    Vec2::new(if right { i + w } else { i }, if top { j + h } else { j })
+}
+
+/// Where corner `k` of element `e` was, seen from the record but in the frame of the new point: a corner of the texel grid,
+/// unless the frame turned.
+fn before(task: &Task<'_>, e: usize, k: usize) -> Vec2 {
+    if task.rotation == Mat3A::IDENTITY {
+        grid_corner(task.elements, e, k) / task.n as f32
+    } else {
+        direction_to_square(task.rotation * task.elements.corner(e, k))
+    }
+}
+
+/// The rectangle that encloses the old and the new place of element `e`.
+pub(super) fn swept_box(task: &Task<'_>, places: &Places, e: usize) -> [Vec2; 2] {
+    let corners = places.quad(e).into_iter().chain((0..4).map(|k| before(task, e, k)));
+    let start = [Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY)];
+    corners.fold(start, |[low, high], corner| [low.min(corner), high.max(corner)])
+}
+
+/// The trail number `code`: between where the edge was and where it is.
+pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, code: u16) -> [Vec2; 4] {
+    let (e, a) = (usize::from(code / 4), usize::from(code % 4));
+    match task.settings.trails {
+        Trails::Silhouettes => {
+            let (now, b) = (places.quad(e), (a + 1) % 4);
+            [before(task, e, a), before(task, e, b), now[b], now[a]]
+        }
+        Trails::All => {
+            let [low, high] = swept_box(task, places, e);
+            [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
+        }
+    }
 }
 
 #[cfg(test)]

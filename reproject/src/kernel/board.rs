@@ -1,0 +1,285 @@
+//! What a reprojection reads, and the board on which a kernel draws.
+
+use std::ops::{BitAnd, BitAndAssign, BitOr, BitOrAssign, BitXor, Not};
+
+use glam::{Mat3A, Vec2, Vec3A};
+use radcache::{Elements, LANES, MAX_RESOLUTION};
+
+use crate::{Masks, Settings};
+
+/// Rows of a polygon that are kept: nearly all elements are lower.
+pub(crate) const KEPT: usize = 8;
+/// And nearly all of these have no more than so many.
+pub(crate) const LOW: usize = 4;
+/// Layer masks that elements take in turn: one would wait for what the element before has just written to overlapping rows.
+pub(crate) const TURNS: usize = 4;
+
+/// Corners whose cosine is this little below the horizon are on it: rounding of a rotation moves those of the rim so far.
+pub(crate) const HORIZON: f32 = 1e-6;
+
+/// Rows of a mask, with room for a whole polygon that starts in the last one.
+pub(crate) type Mask<W> = [W; MAX_RESOLUTION + KEPT];
+
+/// A row of bits: 32 where the resolution allows, 64 else.
+pub(crate) trait Word:
+    Copy
+    + Default
+    + PartialEq
+    + Not<Output = Self>
+    + BitAnd<Output = Self>
+    + BitOr<Output = Self>
+    + BitXor<Output = Self>
+    + BitAndAssign
+    + BitOrAssign
+{
+    /// Number of bits.
+    const BITS: usize;
+    /// The bits from `k` on; `k` is at most [`Self::BITS`].
+    fn from_bit(k: u32) -> Self;
+    /// Number of bits set.
+    fn ones(self) -> u32;
+    /// Adds the bits that are not closed to a mask; gives the number of bits, and that of those added.
+    fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2];
+    /// The first bits of a row.
+    fn narrow(row: u64) -> Self;
+    /// Bit `k` alone.
+    fn bit(k: usize) -> Self;
+    /// The same bits in a row.
+    fn widen(self) -> u64;
+}
+
+impl Word for u32 {
+    const BITS: usize = 32;
+    #[inline(always)]
+    fn from_bit(k: u32) -> Self {
+        if k < 32 { Self::MAX << k } else { 0 }
+    }
+    #[inline(always)]
+    fn bit(k: usize) -> Self {
+        1 << k
+    }
+    #[inline(always)]
+    fn ones(self) -> u32 {
+        self.count_ones()
+    }
+    #[inline(always)]
+    fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2] {
+        let mut counts = [0; 2];
+        // Two rows at a time, for 64 bits are counted as fast as 32.
+        for r in (0..R).step_by(2) {
+            let pair = |rows: &[Self; R]| u64::from(rows[r]) | u64::from(rows[r + 1]) << 32;
+            let (covered, closed) = (pair(bits), pair(closed));
+            let open = covered & !closed;
+            let both = pair(mask) | open;
+            (mask[r], mask[r + 1]) = (Self::narrow(both), Self::narrow(both >> 32));
+            counts[0] += covered.count_ones();
+            counts[1] += open.count_ones();
+        }
+        counts
+    }
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "chosen where rows have at most 32 bits")]
+    fn narrow(row: u64) -> Self {
+        row as Self
+    }
+    #[inline(always)]
+    fn widen(self) -> u64 {
+        self.into()
+    }
+}
+
+impl Word for u64 {
+    const BITS: usize = 64;
+    #[inline(always)]
+    fn from_bit(k: u32) -> Self {
+        if k < 64 { Self::MAX << k } else { 0 }
+    }
+    #[inline(always)]
+    fn bit(k: usize) -> Self {
+        1 << k
+    }
+    #[inline(always)]
+    fn ones(self) -> u32 {
+        self.count_ones()
+    }
+    #[inline(always)]
+    fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2] {
+        let mut counts = [0; 2];
+        for r in 0..R {
+            let open = bits[r] & !closed[r];
+            mask[r] |= open;
+            counts[0] += bits[r].count_ones();
+            counts[1] += open.count_ones();
+        }
+        counts
+    }
+    #[inline(always)]
+    fn narrow(row: u64) -> Self {
+        row
+    }
+    #[inline(always)]
+    fn widen(self) -> u64 {
+        self
+    }
+}
+
+/// One reprojection: what goes to where.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Task<'a> {
+    pub(crate) elements: &'a Elements,
+    /// Record's frame to that of the point.
+    pub(crate) rotation: Mat3A,
+    /// The point in the record's frame.
+    pub(crate) offset: Vec3A,
+    pub(crate) n: usize,
+    pub(crate) settings: Settings,
+}
+
+/// Why an element or a trail takes the slow way; a set of bits, none for those that lanes have done.
+pub(crate) mod kind {
+    /// A corner lies below the horizon.
+    pub(crate) const CUT: u8 = 1;
+    /// More than [`super::KEPT`] rows.
+    pub(crate) const TALL: u8 = 2;
+    /// Fills nothing and makes unknown what it covers.
+    pub(crate) const HOLLOW: u8 = 4;
+    /// More than [`super::LOW`] rows; alone, it is done in lanes too.
+    pub(crate) const HIGH: u8 = 8;
+}
+
+/// What is known of each element in the square; padded as the elements are.
+#[derive(Debug, Default)]
+pub(crate) struct Places {
+    pub(crate) u: [Vec<f32>; 4],
+    pub(crate) v: [Vec<f32>; 4],
+    /// See [`kind`].
+    pub(crate) kind: Vec<u8>,
+    /// Area in the square.
+    pub(crate) area: Vec<f32>,
+    /// First row, at most 64.
+    pub(crate) first: Vec<u8>,
+    /// Texels covered, and those of them that it takes.
+    pub(crate) counts: Vec<[u16; 2]>,
+    /// Elements whose kind is neither 0 nor high, in order.
+    pub(crate) slow: Vec<u16>,
+    /// Sides that leave trails: element times four plus side, in order.
+    pub(crate) trails: Vec<u16>,
+    pub(crate) trail_count: usize,
+    /// Elements with such sides.
+    pub(crate) marked: Vec<u16>,
+    pub(crate) trail_kind: Vec<u8>,
+    pub(crate) trail_first: Vec<u8>,
+}
+
+impl Places {
+    /// Makes room; the contents are left over from before.
+    fn resize(&mut self, padded: usize) {
+        for list in self.u.iter_mut().chain(&mut self.v).chain([&mut self.area]) {
+            list.resize(padded, 0.0);
+        }
+        for list in [&mut self.kind, &mut self.first] {
+            list.resize(padded, 0);
+        }
+        self.counts.resize(padded, [0; 2]);
+        self.slow.clear();
+        self.slow.reserve(padded);
+        // Four sides of each, and a chunk more that is written before it is counted.
+        let most = 4 * padded + LANES;
+        self.trails.resize(most, 0);
+        self.marked.resize(most, 0);
+        self.trail_kind.resize(most, 0);
+        self.trail_first.resize(most, 0);
+    }
+
+    /// The corners of element `e`.
+    #[inline(always)]
+    pub(crate) fn quad(&self, e: usize) -> [Vec2; 4] {
+        std::array::from_fn(|k| Vec2::new(self.u[k][e], self.v[k][e]))
+    }
+}
+
+/// All rows of an element that took the slow way; none where it fills nothing.
+#[derive(Debug)]
+pub(crate) struct Special<W> {
+    pub(crate) element: u16,
+    pub(crate) rows: [W; MAX_RESOLUTION],
+}
+
+/// The masks, and the bits of what is drawn on them.
+#[derive(Debug)]
+pub(crate) struct Grid<W> {
+    /// Bits of each element from its first row on, unless it is tall or cut.
+    pub(crate) rows: Vec<[W; KEPT]>,
+    /// The same of each trail.
+    pub(crate) trail_rows: Vec<[W; KEPT]>,
+    pub(crate) fill: Mask<W>,
+    pub(crate) unknown: Mask<W>,
+    /// Both together as the layer began.
+    pub(crate) closed: Mask<W>,
+    pub(crate) layer_fill: [Mask<W>; TURNS],
+    pub(crate) trail: [Mask<W>; TURNS],
+    /// What was filled before each layer, and at the end.
+    pub(crate) history: Vec<[W; MAX_RESOLUTION]>,
+    /// Elements that took the slow way, in order.
+    pub(crate) special: Vec<Special<W>>,
+    /// End of each layer of elements.
+    pub(crate) layer_ends: Vec<u16>,
+}
+
+impl<W: Word> Default for Grid<W> {
+    fn default() -> Self {
+        let empty = [W::default(); MAX_RESOLUTION + KEPT];
+        Self {
+            rows: Vec::new(),
+            trail_rows: Vec::new(),
+            fill: empty,
+            unknown: empty,
+            closed: empty,
+            layer_fill: [empty; TURNS],
+            trail: [empty; TURNS],
+            history: Vec::new(),
+            special: Vec::new(),
+            layer_ends: Vec::new(),
+        }
+    }
+}
+
+/// All that a kernel writes.
+#[derive(Debug, Default)]
+pub(crate) struct Board<W: Word> {
+    pub(crate) places: Places,
+    pub(crate) grid: Grid<W>,
+}
+
+impl<W: Word> Board<W> {
+    /// Makes room, and starts from masks whose filled bits are taken by nobody.
+    #[inline(always)]
+    pub(super) fn reset(&mut self, task: &Task<'_>, masks: &Masks) {
+        let padded = task.elements.padded_len();
+        self.places.resize(padded);
+        // Padding covers nothing.
+        self.places.counts[task.elements.len()..].fill([0; 2]);
+        let grid = &mut self.grid;
+        grid.rows.resize(padded, [W::default(); KEPT]);
+        grid.trail_rows.resize(4 * padded + LANES, [W::default(); KEPT]);
+        grid.history.resize(task.elements.layer_count() + 1, [W::default(); MAX_RESOLUTION]);
+        grid.special.clear();
+        grid.layer_ends.resize(task.elements.layer_count(), 0);
+        let empty = [W::default(); MAX_RESOLUTION + KEPT];
+        (grid.fill, grid.unknown, grid.layer_fill, grid.trail) = (empty, empty, [empty; TURNS], [empty; TURNS]);
+        for (bits, row) in grid.fill.iter_mut().zip(&masks.fill) {
+            *bits = W::narrow(*row);
+        }
+        grid.closed = grid.fill;
+        grid.history[0].copy_from_slice(&grid.fill[..MAX_RESOLUTION]);
+    }
+
+    /// Copies the masks out.
+    #[inline(always)]
+    pub(super) fn show(&self, masks: &mut Masks) {
+        for j in 0..W::BITS {
+            masks.fill[j] = self.grid.fill[j].widen();
+            masks.unknown[j] = self.grid.unknown[j].widen();
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! The masks, layer by layer from front to back.
+
+use glam::{Vec2, Vec3A};
+use radcache::MAX_RESOLUTION;
+
+use super::board::{Board, Grid, HORIZON, KEPT, LOW, Mask, Places, Special, TURNS, Task, Word, kind};
+use super::scalar::trail_polygon;
+use crate::clip::{MAX_CLIPPED, clip_at_horizon, signed_area};
+use crate::raster::{polygon_rows, rectangle_rows};
+use crate::{Coverage, Rows};
+
+/// Fills the masks with what was drawn, nearest layer first, and counts what each element takes.
+#[inline(always)]
+pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
+    let Board { places, grid } = board;
+    let mut next_trail = 0;
+    for layer in 0..task.elements.layer_count() {
+        let range = task.elements.layer(layer);
+        if !range.is_empty() {
+            elements(places, grid, range.start, range.end);
+            // Rare, and no matter of order, so they come after the others of their layer.
+            while let Some(&e) = places.slow.get(grid.special.len()).filter(|e| usize::from(**e) < range.end) {
+                let special = special(task, places, grid, usize::from(e));
+                grid.special.push(special);
+            }
+            while next_trail < places.trail_count && usize::from(places.trails[next_trail] / 4) < range.end {
+                sweep(task, places, grid, next_trail);
+                next_trail += 1;
+            }
+            end_layer(grid);
+        }
+        let mut filled = [W::default(); MAX_RESOLUTION];
+        filled[..W::BITS].copy_from_slice(&grid.fill[..W::BITS]);
+        grid.history[layer + 1] = filled;
+        grid.layer_ends[layer] = narrow(range.end);
+    }
+}
+
+/// The number of an element, of which there are at most 64 x 64, or of texels.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "at most 4096")]
+fn narrow(number: usize) -> u16 {
+    number as u16
+}
+
+/// The elements of a layer that are done in lanes.
+#[inline(always)]
+fn elements<W: Word>(places: &mut Places, grid: &mut Grid<W>, start: usize, end: usize) {
+    let kinds = &places.kind[start..end];
+    let firsts = &places.first[start..end];
+    let counts = &mut places.counts[start..end];
+    let rows = &grid.rows[start..end];
+    for (e, (((kind, first), count), bits)) in kinds.iter().zip(firsts).zip(counts).zip(rows).enumerate() {
+        let fill = &mut grid.layer_fill[e % TURNS];
+        *count = match *kind {
+            0 => take::<W, LOW>(bits, *first, &grid.closed, fill),
+            kind::HIGH => take::<W, KEPT>(bits, *first, &grid.closed, fill),
+            _ => continue,
+        };
+    }
+}
+
+/// Fills at most `R` rows from `first` on where they are open; counts the bits, and those that it fills.
+#[inline(always)]
+fn take<W: Word, const R: usize>(bits: &[W; KEPT], first: u8, closed: &Mask<W>, fill: &mut Mask<W>) -> [u16; 2] {
+    let bits = bits.first_chunk::<R>().expect("R is at most KEPT");
+    W::take(bits, from_row(closed, first), from_row_mut(fill, first)).map(|count| narrow(count as usize))
+}
+
+/// The rows of a mask from `first` on.
+#[inline(always)]
+fn from_row<W, const R: usize>(mask: &Mask<W>, first: u8) -> &[W; R] {
+    mask[usize::from(first) % MAX_RESOLUTION..].first_chunk().expect("masks have room for a polygon in the last row")
+}
+
+/// As [`from_row`], to write.
+#[inline(always)]
+fn from_row_mut<W, const R: usize>(mask: &mut Mask<W>, first: u8) -> &mut [W; R] {
+    mask[usize::from(first) % MAX_RESOLUTION..]
+        .first_chunk_mut()
+        .expect("masks have room for a polygon in the last row")
+}
+
+/// Adds a trail.
+#[inline(always)]
+fn sweep<W: Word>(task: &Task<'_>, places: &Places, grid: &mut Grid<W>, t: usize) {
+    let (bits, first, trail) = (&grid.trail_rows[t], places.trail_first[t], &mut grid.trail[t % TURNS]);
+    match places.trail_kind[t] {
+        0 => sweep_rows::<W, LOW>(bits, first, trail),
+        kind::HIGH => sweep_rows::<W, KEPT>(bits, first, trail),
+        _ => sweep_tall(task, places, t, trail),
+    }
+}
+
+/// At most `R` rows of a trail.
+#[inline(always)]
+fn sweep_rows<W: Word, const R: usize>(bits: &[W; KEPT], first: u8, trail: &mut Mask<W>) {
+    let trail = from_row_mut::<W, R>(trail, first);
+    for r in 0..R {
+        trail[r] |= bits[r];
+    }
+}
+
+#[cold]
+fn sweep_tall<W: Word>(task: &Task<'_>, places: &Places, t: usize, trail: &mut Mask<W>) {
+    let mut bits: Rows = [0; MAX_RESOLUTION];
+    for j in polygon_rows(&trail_polygon(task, places, places.trails[t]), task.n, &mut bits) {
+        trail[j] |= W::narrow(bits[j]);
+    }
+}
+
+/// Ends a layer: its bits become filled, and what its trails swept and nothing fills becomes unknown.
+#[inline(always)]
+fn end_layer<W: Word>(grid: &mut Grid<W>) {
+    for j in 0..W::BITS {
+        let any = |masks: &[Mask<W>; TURNS]| masks[0][j] | masks[1][j] | masks[2][j] | masks[3][j];
+        grid.fill[j] |= any(&grid.layer_fill);
+        grid.unknown[j] |= any(&grid.trail) & !grid.fill[j];
+        grid.closed[j] = grid.fill[j] | grid.unknown[j];
+    }
+    for mask in grid.layer_fill.iter_mut().chain(&mut grid.trail) {
+        mask[..W::BITS].fill(W::default());
+    }
+}
+
+/// An element that is cut by the horizon, tall, or fills nothing; gives what it fills.
+#[cold]
+fn special<W: Word>(task: &Task<'_>, places: &mut Places, grid: &mut Grid<W>, e: usize) -> Special<W> {
+    let mut bits: Rows = [0; MAX_RESOLUTION];
+    let mut special = Special { element: narrow(e), rows: [W::default(); MAX_RESOLUTION] };
+    let place = places.quad(e);
+    let mut clipped = [Vec2::ZERO; MAX_CLIPPED];
+    let is_cut = places.kind[e] & kind::CUT != 0;
+    let polygon = if is_cut { above_horizon(task, e, &place, &mut clipped) } else { &place };
+    let area = signed_area(polygon);
+    places.area[e] = area;
+    let rows = match task.settings.coverage {
+        Coverage::Quad => polygon_rows(polygon, task.n, &mut bits),
+        Coverage::Rectangle => rectangle_rows(polygon, task.n, &mut bits),
+    };
+    let (mut covered, mut taken) = (0, 0);
+    // An area that is not a number fills nothing either.
+    let fills = area > 0.0 && !task.elements.view_dependent[e];
+    for j in rows {
+        let bits = W::narrow(bits[j]);
+        if fills {
+            let open = bits & !grid.closed[j];
+            special.rows[j] = bits;
+            grid.layer_fill[0][j] |= open;
+            covered += bits.ones();
+            taken += open.ones();
+        } else {
+            grid.trail[0][j] |= bits;
+        }
+    }
+    places.counts[e] = [covered, taken].map(|count| narrow(count as usize));
+    special
+}
+
+/// The part above the horizon of an element with a corner below it.
+fn above_horizon<'a>(
+    task: &Task<'_>,
+    e: usize,
+    place: &'a [Vec2; 4],
+    clipped: &'a mut [Vec2; MAX_CLIPPED],
+) -> &'a [Vec2] {
+    let elements = task.elements;
+    let space: [Vec3A; 4] =
+        std::array::from_fn(|k| task.rotation * (elements.corner(e, k) - task.offset * elements.finite[e]));
+    let below = |corner: &Vec3A| corner.z < -HORIZON * corner.length();
+    match space.iter().filter(|corner| below(corner)).count() {
+        0 => place,
+        4 => &[],
+        _ => {
+            let corners = clip_at_horizon(&space, clipped);
+            &clipped[..corners]
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn fill_trail_unknown_obey_set_algebra(layers in prop::collection::vec((any::<u64>(), any::<u64>(), 0..TURNS), 1..6)) {
+            let mut grid = Grid::<u64>::default();
+            let (mut filled, mut unknown) = (0u64, 0u64);
+            for (fill, trail, turn) in layers {
+                let open = fill & !grid.closed[3];
+                grid.layer_fill[turn][3] = open;
+                grid.trail[TURNS - 1 - turn][3] = trail;
+                end_layer(&mut grid);
+                filled |= fill & !(filled | unknown);
+                unknown |= trail & !filled;
+                prop_assert!(grid.layer_fill.iter().chain(&grid.trail).flatten().all(|row| *row == 0), "ready for the next layer");
+                prop_assert_eq!((grid.fill[3], grid.unknown[3], grid.closed[3]), (filled, unknown, filled | unknown));
+                prop_assert_eq!(filled & unknown, 0, "disjoint");
+            }
+        }
+    }
+}
