@@ -147,6 +147,13 @@ pub(crate) mod kind {
     pub(crate) const HIGH: u8 = 8;
 }
 
+/// Makes a list at least so long. It never shrinks, for what is added is written first.
+fn grow<T: Copy + Default>(list: &mut Vec<T>, len: usize) {
+    if list.len() < len {
+        list.resize(len, T::default());
+    }
+}
+
 /// What is known of each element in the square; padded as the elements are.
 #[derive(Debug, Default)]
 pub(crate) struct Places {
@@ -173,22 +180,21 @@ pub(crate) struct Places {
 
 impl Places {
     /// Makes room; the contents are left over from before.
-    fn resize(&mut self, padded: usize) {
+    fn grow(&mut self, padded: usize) {
         for list in self.u.iter_mut().chain(&mut self.v).chain([&mut self.area]) {
-            list.resize(padded, 0.0);
+            grow(list, padded);
         }
-        for list in [&mut self.kind, &mut self.first] {
-            list.resize(padded, 0);
-        }
-        self.counts.resize(padded, [0; 2]);
+        grow(&mut self.kind, padded);
+        grow(&mut self.first, padded);
+        grow(&mut self.counts, padded);
         self.slow.clear();
         self.slow.reserve(padded);
         // Four sides of each, and a chunk more that is written before it is counted.
         let most = 4 * padded + LANES;
-        self.trails.resize(most, 0);
-        self.marked.resize(most, 0);
-        self.trail_kind.resize(most, 0);
-        self.trail_first.resize(most, 0);
+        grow(&mut self.trails, most);
+        grow(&mut self.marked, most);
+        grow(&mut self.trail_kind, most);
+        grow(&mut self.trail_first, most);
     }
 
     /// The corners of element `e`.
@@ -256,12 +262,12 @@ impl<W: Word> Board<W> {
     #[inline(always)]
     pub(super) fn reset(&mut self, task: &Task<'_>, masks: &Masks) {
         let padded = task.elements.padded_len();
-        self.places.resize(padded);
+        self.places.grow(padded);
         // Padding covers nothing.
-        self.places.counts[task.elements.len()..].fill([0; 2]);
+        self.places.counts[task.elements.len()..padded].fill([0; 2]);
         let grid = &mut self.grid;
-        grid.rows.resize(padded, [W::default(); KEPT]);
-        grid.trail_rows.resize(4 * padded + LANES, [W::default(); KEPT]);
+        grow(&mut grid.rows, padded);
+        grow(&mut grid.trail_rows, 4 * padded + LANES);
         grid.history.resize(task.elements.layer_count() + 1, [W::default(); MAX_RESOLUTION]);
         grid.special.clear();
         grid.layer_ends.resize(task.elements.layer_count(), 0);

@@ -29,9 +29,7 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             }
             end_layer(grid);
         }
-        let mut filled = [W::default(); MAX_RESOLUTION];
-        filled[..W::BITS].copy_from_slice(&grid.fill[..W::BITS]);
-        grid.history[layer + 1] = filled;
+        grid.history[layer + 1][..W::BITS].copy_from_slice(&grid.fill[..W::BITS]);
         grid.layer_ends[layer] = narrow(range.end);
     }
 }
@@ -117,9 +115,10 @@ fn end_layer<W: Word>(grid: &mut Grid<W>) {
         grid.fill[j] |= any(&grid.layer_fill);
         grid.unknown[j] |= any(&grid.trail) & !grid.fill[j];
         grid.closed[j] = grid.fill[j] | grid.unknown[j];
-    }
-    for mask in grid.layer_fill.iter_mut().chain(&mut grid.trail) {
-        mask[..W::BITS].fill(W::default());
+        for turn in 0..TURNS {
+            grid.layer_fill[turn][j] = W::default();
+            grid.trail[turn][j] = W::default();
+        }
     }
 }
 
