@@ -258,7 +258,7 @@ pub(crate) struct Board<W: Word> {
 }
 
 impl<W: Word> Board<W> {
-    /// Makes room, and starts from masks whose filled bits are taken by nobody.
+    /// Makes room, and starts from masks whose filled bits are taken by nobody, and whose unknown ones nobody may take.
     #[inline(always)]
     pub(super) fn reset(&mut self, task: &Task<'_>, masks: &Masks) {
         let padded = task.elements.padded_len();
@@ -276,7 +276,12 @@ impl<W: Word> Board<W> {
         for (bits, row) in grid.fill.iter_mut().zip(&masks.fill) {
             *bits = W::narrow(*row);
         }
-        grid.closed = grid.fill;
+        for (bits, row) in grid.unknown.iter_mut().zip(&masks.unknown) {
+            *bits = W::narrow(*row);
+        }
+        for ((closed, fill), unknown) in grid.closed.iter_mut().zip(&grid.fill).zip(&grid.unknown) {
+            *closed = *fill | *unknown;
+        }
         grid.history[0].copy_from_slice(&grid.fill[..MAX_RESOLUTION]);
     }
 
