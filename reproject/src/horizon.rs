@@ -79,6 +79,8 @@ impl Workspace {
         }
         let masks = &mut self.masks;
         let normal = self.frame.to_local(record.frame().n);
-        self.centres.of(self.n).rows_below(normal, depth / UNSEEN_SHARE, |j, bits| masks.unknown[j] = bits & !masks.fill[j]);
+        self.centres
+            .of(self.n)
+            .rows_below(normal, depth / UNSEEN_SHARE, |j, bits| masks.unknown[j] = bits & !masks.fill[j]);
     }
 }
