@@ -43,7 +43,7 @@ const MAX_ITERATIONS: usize = 500;
 /// After so many steps, when the changes have become geometric, the rest of their series is added at once.
 const EXTRAPOLATION: usize = 8;
 
-/// Longest walk through mirrors, gloss and surfaces without a cell.
+/// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
 const MAX_WALK: u32 = 64;
 
 /// Hits nearer than this many widths of a cell are not looked up.
@@ -54,7 +54,7 @@ const RESOLUTION_FACTOR: f32 = 2.0;
 pub(crate) struct Cells {
     width: f32,
     table: Table,
-    /// Irradiance of each cell without caustics, W m^-2: straight from the sources, and by reflections.
+    /// Irradiance of each cell, W m^-2: straight from the sources, and by reflections, caustics included.
     direct: Vec<Vec3>,
     indirect: Vec<Vec3>,
     /// The part of `indirect` that came by caustics.
@@ -79,6 +79,7 @@ struct Row {
     direct: Vec3,
     /// Light of walks that met no cell, and caustics.
     source: Vec3,
+    /// The caustics in it.
     caustic: Vec3,
     links: Vec<(u32, Vec3)>,
     rays: RayCounts,

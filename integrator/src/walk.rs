@@ -27,8 +27,8 @@ pub(crate) enum Taken {
 
 /// Who asks for the light at the end of a walk.
 pub(crate) trait Visitor {
-    /// Comes to a surface with a diffuse part, with throughput `beta`, and takes what is known of its light. `near` is the length of the way so
-    /// far if a longer one is worth waiting for: infinite behind gloss and diffuse surfaces, which blur what they show.
+    /// Comes to a surface with a diffuse part, with throughput `beta`, and takes what is known of its light. `near` is the length of the way
+    /// in metres, for what is known may be too coarse for a short one; infinite behind gloss and diffuse surfaces, where nothing is.
     fn visit(&mut self, shading: &Shading, beta: Vec3, near: f32) -> Taken;
 
     /// Adds radiance that reaches the start of the walk.
