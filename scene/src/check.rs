@@ -3,7 +3,9 @@
 use glam::{Vec2, Vec3};
 
 use crate::description::NO_INDEX;
-use crate::{BuildError, Description, Environment, FormObject, Material, Mesh, PunctualLight, SpecularKind, Texture};
+use crate::{
+    BuildError, Description, Environment, FormObject, Material, Mesh, Noise, PunctualLight, SpecularKind, Texture,
+};
 
 /// Triangles and free forms together, and vertices, at most.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
@@ -104,6 +106,13 @@ fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), B
     if form.material as usize >= materials {
         return Err(BuildError::Form { form: form.name.clone(), index, what: "its material does not exist" });
     }
+    if form.projection.is_some_and(|projection| !projection.is_sound()) {
+        return Err(BuildError::Form {
+            form: form.name.clone(),
+            index,
+            what: "its projection is singular or not finite",
+        });
+    }
     if form.solid.form_count() > MAX_PARTS {
         return Err(BuildError::Form { form: form.name.clone(), index, what: "it has more than 16 million parts" });
     }
@@ -114,6 +123,8 @@ fn check_material(index: usize, material: &Material, textures: usize) -> Result<
     let missing = |texture: Option<u32>| texture.is_some_and(|t| t as usize >= textures);
     let problem = if !is_share(material.diffuse) {
         Some("the diffuse colour is not in [0, 1]")
+    } else if let Some(what) = material.noise.as_ref().and_then(noise_problem) {
+        Some(what)
     } else if missing(material.diffuse_texture) || missing(material.opacity_texture) {
         Some("a texture does not exist")
     } else if !is_light(material.emission) {
@@ -124,6 +135,23 @@ fn check_material(index: usize, material: &Material, textures: usize) -> Result<
         specular_problem(material.specular)
     };
     problem.map_or(Ok(()), |what| Err(BuildError::Material { material: material.name.clone(), index, what }))
+}
+
+/// Cells of noise that are smaller or larger than this count as given by mistake; between them nothing overflows.
+const NOISE_SIZES: std::ops::RangeInclusive<f32> = 1e-6..=1e9;
+
+fn noise_problem(noise: &Noise) -> Option<&'static str> {
+    if !noise.size.to_array().iter().all(|size| NOISE_SIZES.contains(size)) {
+        Some("a size of the noise is not in [1e-6, 1e9]")
+    } else if !(1..=Noise::MAX_OCTAVES).contains(&noise.octaves) {
+        Some("the noise does not have 1 to 10 octaves")
+    } else if !(0.0..=1000.0).contains(&noise.distortion) {
+        Some("the distortion of the noise is not in [0, 1000]")
+    } else if !(is_share(noise.low) && is_share(noise.high)) {
+        Some("a colour of the noise is not in [0, 1]")
+    } else {
+        None
+    }
 }
 
 fn specular_problem(specular: SpecularKind) -> Option<&'static str> {

@@ -5,7 +5,7 @@
 use freeform::Solid;
 use glam::{Vec2, Vec3};
 
-use crate::{Camera, Environment, Texture};
+use crate::{Camera, Environment, Noise, Projection, Texture};
 
 /// A whole scene as data: indices in `meshes` and `forms` point into `materials`, those in `materials` into `textures`.
 #[derive(Debug, Clone, Default)]
@@ -59,6 +59,8 @@ pub struct FormObject {
     pub solid: Solid,
     /// Index of its material.
     pub material: u32,
+    /// How its texture coordinates are found; without it they are those of [`Solid::texture_coordinates`].
+    pub projection: Option<Projection>,
 }
 
 /// A surface as the sum of a diffuse and a specular part (paper, eq. 5), with emission and cut-out.
@@ -66,10 +68,12 @@ pub struct FormObject {
 pub struct Material {
     /// Name for messages.
     pub name: String,
-    /// Diffuse albedo, linear RGB in [0, 1], multiplied by `diffuse_texture`.
+    /// Diffuse albedo, linear RGB in [0, 1], multiplied by `diffuse_texture` and `noise`.
     pub diffuse: Vec3,
     /// Index of a texture for `diffuse`.
     pub diffuse_texture: Option<u32>,
+    /// Solid noise for `diffuse`.
+    pub noise: Option<Noise>,
     /// The specular part.
     pub specular: SpecularKind,
     /// Radiance that the front gives off, W m^-2 sr^-1.
@@ -136,6 +140,7 @@ impl Default for Material {
             name: String::new(),
             diffuse: Vec3::splat(0.5),
             diffuse_texture: None,
+            noise: None,
             specular: SpecularKind::None,
             emission: Vec3::ZERO,
             opacity: 1.0,

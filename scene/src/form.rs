@@ -3,7 +3,8 @@
 use freeform::{Bounds, Solid};
 use glam::{Vec2, Vec3A};
 
-use crate::{Aabb, Hit, Ray};
+use crate::projection::Projector;
+use crate::{Aabb, FormObject, Hit, Ray};
 
 /// A free form with what a ray needs to know of it.
 #[derive(Debug)]
@@ -13,6 +14,7 @@ pub(crate) struct Form {
     /// `None` where it is unbounded.
     pub(crate) bounds: Option<Aabb>,
     pub(crate) cut_out: bool,
+    projector: Option<Projector>,
 }
 
 /// A point on a free form.
@@ -31,14 +33,15 @@ const POSITION_ERROR: f32 = f32::EPSILON;
 const STEP: f64 = 1e-9;
 
 impl Form {
-    pub(crate) fn new(solid: Solid, material: u32, cut_out: bool) -> Self {
+    pub(crate) fn new(form: FormObject, cut_out: bool) -> Self {
+        let FormObject { solid, material, projection, .. } = form;
         let bounds = match solid.bounds() {
             Bounds::Finite { min, max } => {
                 Some(Aabb::around(min, max)).filter(|b| b.min.is_finite() && b.max.is_finite())
             }
             Bounds::Unbounded => None,
         };
-        Self { solid, material, bounds, cut_out }
+        Self { solid, material, bounds, cut_out, projector: projection.as_ref().map(Projector::new) }
     }
 
     /// Returns where the ray first crosses the surface, where `keep` says that it is there.
@@ -84,10 +87,14 @@ impl Form {
         let missed = (value / gradient.length()).abs();
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let missed = if missed <= reach { missed as f32 } else { (reach as f32).abs() };
+        let uv = match &self.projector {
+            Some(projector) => projector.coordinates(p, n),
+            None => self.solid.texture_coordinates(p),
+        };
         let rounded = p.as_vec3a();
         let n = n.as_vec3a().normalize_or(-ray.direction);
         let p_error = rounded.abs().dot(n.abs()) * POSITION_ERROR + missed;
-        FormPoint { p: rounded, n, uv: self.solid.texture_coordinates(p).as_vec2(), p_error }
+        FormPoint { p: rounded, n, uv: uv.as_vec2(), p_error }
     }
 }
 

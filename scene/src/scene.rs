@@ -74,7 +74,10 @@ impl Scene {
         let triangles = Triangles::new(meshes);
         let forms: Vec<Form> = forms
             .into_iter()
-            .map(|form| Form::new(form.solid, form.material, materials[form.material as usize].is_cut_out()))
+            .map(|form| {
+                let cut_out = materials[form.material as usize].is_cut_out();
+                Form::new(form, cut_out)
+            })
             .collect();
         let primitives = primitives(&triangles, &forms, &materials);
         let bvh = Bvh::new(&primitives);
@@ -181,10 +184,13 @@ impl Scene {
     #[must_use]
     pub fn bsdf(&self, surface: &Surface) -> Bsdf {
         let material = &self.materials[surface.material as usize];
-        let diffuse = match material.diffuse_texture {
+        let mut diffuse = match material.diffuse_texture {
             Some(texture) => material.diffuse * self.textures[texture as usize].color(surface.uv),
             None => material.diffuse,
         };
+        if let Some(noise) = &material.noise {
+            diffuse *= noise.color(surface.p);
+        }
         match material.specular {
             SpecularKind::None => Bsdf { diffuse, specular: Specular::None },
             SpecularKind::Ggx { alpha, reflectance, schlick } => Bsdf {

@@ -3,7 +3,8 @@
 use glam::{DVec3, UVec2, Vec2, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Quadric, Solid};
 use scene::{
-    BuildError, Camera, Description, FormObject, Material, Mesh, NO_INDEX, Ray, Scene, SpecularKind, Surface, Texture,
+    BuildError, Camera, Description, FormObject, Material, Mesh, NO_INDEX, Noise, Pattern, Projection, Ray, Scene,
+    SpecularKind, Surface, Texture,
 };
 
 /// A stream of numbers in [0, 1) (PCG).
@@ -38,7 +39,7 @@ fn built(meshes: Vec<Mesh>, material: Material) -> Scene {
 
 fn sphere(centre: DVec3, radius: f64, material: Material) -> Scene {
     let solid = Solid::from(FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form"));
-    let forms = vec![FormObject { name: "ball".into(), solid, material: 0 }];
+    let forms = vec![FormObject { name: "ball".into(), solid, material: 0, projection: None }];
     Scene::new(Description { forms, materials: vec![material], ..Description::default() }).expect("a right scene")
 }
 
@@ -199,6 +200,61 @@ fn textures_color_surfaces() {
 }
 
 #[test]
+fn projections_and_noise_color_free_forms() {
+    // From 0.25 at a quarter of its width to 0.75 at three quarters: between them the colour is u.
+    let textures = vec![Texture::from_linear(2, 1, vec![Vec3::splat(0.25), Vec3::splat(0.75)])];
+    let noise = Noise {
+        pattern: Pattern::Clouds,
+        size: Vec3::splat(0.3),
+        octaves: 3,
+        distortion: 0.0,
+        low: Vec3::ZERO,
+        high: Vec3::ONE,
+        seed: 0,
+    };
+    let materials = vec![
+        Material { diffuse: Vec3::ONE, diffuse_texture: Some(0), ..Material::default() },
+        Material { diffuse: Vec3::splat(0.5), noise: Some(noise), ..Material::default() },
+        Material { opacity_texture: Some(0), opacity: 0.0, ..Material::default() },
+    ];
+    let ball = |x: f64, material, projection| {
+        let quadric = Quadric::sphere(DVec3::X * x, 0.5).expect("a sphere");
+        let solid = Solid::from(FreeForm::new(quadric, vec![]).expect("a form"));
+        FormObject { name: String::new(), solid, material, projection }
+    };
+    let forms = vec![
+        ball(0.0, 0, Projection::planar(DVec3::X * -0.5, DVec3::X, DVec3::Y)),
+        ball(2.0, 0, Projection::spherical(DVec3::X * 2.0, DVec3::Y, DVec3::X)),
+        ball(4.0, 0, Some(Projection::cube(DVec3::X * 4.0, 0.5))),
+        ball(6.0, 1, None),
+        ball(8.0, 2, Some(Projection::cube(DVec3::X * 8.0, 0.5))),
+    ];
+    let scene = Scene::new(Description { forms, materials, textures, ..Description::default() }).unwrap();
+    let ray = |x: f32, z: f32| Ray::new(Vec3A::new(x, 0.0, 3.0 * z), -Vec3A::Z * z);
+    let at = |x, z| scene.bsdf(&met(&scene, &ray(x, z))).diffuse.x;
+    for (x, z, expected, what) in [
+        (-0.25, 1.0, 0.25, "planar, left"),
+        (0.25, 1.0, 0.75, "planar, right"),
+        (0.25, -1.0, 0.75, "planar, the same behind"),
+        (2.3, 1.0, 0.352, "a globe with its front at +x: as seen from there +z is to the left, by asin(4/5) / 2 pi"),
+        (2.3, -1.0, 0.648, "and -z to the right"),
+        (4.125, 1.0, 0.75, "box, right of the middle"),
+        (4.125, -1.0, 0.25, "box, not mirrored from behind"),
+    ] {
+        assert!((at(x, z) - expected).abs() < 1e-3, "{what}: {}", at(x, z));
+    }
+    let surface = met(&scene, &ray(6.1, 1.0));
+    assert_eq!(scene.bsdf(&surface).diffuse, 0.5 * noise.color(surface.p), "noise at the point itself");
+    assert!(scene.intersect(&ray(8.0, 1.0)).is_none(), "masks see through");
+    let mut singular = ball(0.0, 0, Some(Projection::cube(DVec3::ZERO, 0.0)));
+    singular.name = "flat".into();
+    let description =
+        Description { forms: vec![singular], materials: vec![Material::default()], ..Description::default() };
+    let error = Scene::new(description).map(|_| ()).unwrap_err().to_string();
+    assert_eq!(error, "free form \"flat\" (0): its projection is singular or not finite", "no size");
+}
+
+#[test]
 fn free_forms_are_met_exactly_and_left_safely() {
     let centre = DVec3::new(100.0, -30.0, 7.0);
     let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::new(0.0, 0.5, 1.0) };
@@ -229,7 +285,7 @@ fn free_forms_are_met_exactly_and_left_safely() {
 #[test]
 fn unbounded_forms_stand_beside_the_tree() {
     let ground = Solid::from(FreeForm::new(Quadric::half_space(DVec3::ZERO, DVec3::Y).unwrap(), vec![]).unwrap());
-    let forms = vec![FormObject { name: "ground".into(), solid: ground, material: 0 }];
+    let forms = vec![FormObject { name: "ground".into(), solid: ground, material: 0, projection: None }];
     let meshes = vec![quad(Vec3::Y, Vec3::Z, Vec3::X)];
     let scene =
         Scene::new(Description { forms, meshes, materials: vec![Material::default()], ..Description::default() })
@@ -336,6 +392,19 @@ fn what_is_wrong_is_refused_by_name() {
     assert!(named(&|m| m.emission.y = f32::INFINITY).contains("emission"), "an infinite emission");
     assert!(named(&|m| m.opacity = f32::NAN).contains("opacity"), "opacity");
     assert!(named(&|m| m.diffuse_texture = Some(0)).contains("texture"), "a texture");
+    let noise = Noise {
+        pattern: Pattern::Wood,
+        size: Vec3::ONE,
+        octaves: 1,
+        distortion: 0.0,
+        low: Vec3::ZERO,
+        high: Vec3::ONE,
+        seed: 0,
+    };
+    assert!(named(&|m| m.noise = Some(Noise { size: Vec3::X, ..noise })).contains("a size of the noise"), "no size");
+    assert!(named(&|m| m.noise = Some(Noise { octaves: 0, ..noise })).contains("octaves"), "no octaves");
+    assert!(named(&|m| m.noise = Some(Noise { distortion: f32::NAN, ..noise })).contains("distortion"), "not a number");
+    assert!(named(&|m| m.noise = Some(Noise { high: Vec3::splat(2.0), ..noise })).contains("a colour"), "above 1");
     let glass = SpecularKind::Dielectric { ior: 0.0, tint: Vec3::ONE, absorption: Vec3::ZERO };
     assert!(named(&|m| m.specular = glass).contains("refractive index"), "an index of 0");
     assert!(

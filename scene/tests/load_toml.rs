@@ -5,7 +5,7 @@ mod common;
 use common::{assert_refused, load_files};
 use scene::freeform::{Operation, Psi};
 use scene::glam::{DVec3, UVec2, Vec3, Vec3A};
-use scene::{FileSettings, Loaded, PunctualLight, SpecularKind, load_embedded};
+use scene::{FileSettings, Loaded, Noise, Pattern, Projection, PunctualLight, SpecularKind, load_embedded};
 
 const TRIANGLE: &str = "[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
 
@@ -149,6 +149,48 @@ fn all_named_quadrics_load() {
 }
 
 #[test]
+fn projections_and_noise_load() {
+    let text = r#"
+        [[material]]
+        name = "stone"
+        noise = { pattern = "marble", size = [0.5, 1, 2], octaves = 6, distortion = 3, low = [0.1, 0.2, 0.3], seed = -4 }
+        [[form]]
+        material = "stone"
+        quadric.sphere = { center = [0, 0, 0], radius = 1 }
+        projection.box = { center = [1, 2, 3], size = 0.5 }
+        translate = [0, 0, 10]
+        [[form]]
+        quadric.sphere = { center = [0, 0, 0], radius = 1 }
+        projection.spherical = { front = [1, 0, 0] }
+        [[form]]
+        quadric.plane = { point = [0, 0, 0], normal = [0, 1, 0] }
+        projection.planar = { right = [2, 0, 0], up = [0, 0, -2] }
+        "#;
+    let Loaded { description, warnings, .. } = loaded(text);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let stone = &description.materials[0];
+    let noise = Noise {
+        pattern: Pattern::Marble,
+        size: Vec3::new(0.5, 1.0, 2.0),
+        octaves: 6,
+        distortion: 3.0,
+        low: Vec3::new(0.1, 0.2, 0.3),
+        high: Vec3::ONE,
+        seed: -4,
+    };
+    assert_eq!((stone.noise, stone.diffuse), (Some(noise), Vec3::ONE), "noise, over an albedo of 1 that is not grey");
+    let shapes: Vec<_> = description.forms.iter().map(|form| form.projection.unwrap()).collect();
+    assert_eq!(shapes[0], Projection::cube(DVec3::new(1.0, 2.0, 13.0), 0.5), "moved with its form");
+    assert_eq!(
+        Some(shapes[1]),
+        Projection::spherical(DVec3::ZERO, DVec3::Y, DVec3::X),
+        "the axis is y if none is given"
+    );
+    let right_and_up = (DVec3::X * 2.0, DVec3::Z * -2.0);
+    assert_eq!(Some(shapes[2]), Projection::planar(DVec3::ZERO, right_and_up.0, right_and_up.1), "at the origin");
+}
+
+#[test]
 fn faults_are_refused_by_line_and_field() {
     for (text, line, part) in [
         ("[camera]\neye = [0, 0, 1]\nat = [0, 0, 0]\nfovv = 3", 4, "unknown field 'fovv'; write 'fov'"),
@@ -237,6 +279,54 @@ fn faults_are_refused_by_line_and_field() {
             "more than one of gloss, mirror and glass",
         ),
         ("[[material]]\nname = \"a\"\nglass.ior = 0", 3, "ior: 0 is out of range"),
+        ("[[material]]\nname = \"a\"\nnoise.pattern = \"clouds\"", 3, "missing field `size`"),
+        ("[[material]]\nname = \"a\"\nnoise = { pattern = \"cloud\", size = 1 }", 3, "write 'clouds'"),
+        (
+            "[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = [1, 0, 1] }",
+            3,
+            "size: 0 at index 1 is out",
+        ),
+        (
+            "[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = 1, octaves = 11 }",
+            3,
+            "octaves: 11 is out of",
+        ),
+        (
+            "[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = 1, octaves = 1.5 }",
+            3,
+            "not a whole number",
+        ),
+        ("[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = 1, low = 2 }", 3, "low: 2 is out of range"),
+        (
+            "[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = 1, distortion = inf }",
+            3,
+            "distortion: inf",
+        ),
+        (
+            "[[material]]\nname = \"a\"\nnoise = { pattern = \"clouds\", size = 1, distortion = 1 }",
+            3,
+            "clouds with a dist",
+        ),
+        ("[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = 1, seed = 0.5 }", 3, "seed: invalid type"),
+        ("[[form]]\nprojection.sphere = { }", 2, "unknown field 'sphere'; write 'spherical'"),
+        ("[[form]]\nprojection.planar = { right = [1, 0, 0] }", 2, "missing field `up`"),
+        ("[[form]]\nprojection.box = { size = 0 }", 2, "size: 0 is out of range"),
+        ("[[form]]\nprojection.box = { size = 1, sise = 1 }", 2, "unknown field 'sise'; write 'size'"),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nprojection.planar = { right = [1, 0, 0], up = [-2, 0, 0] }",
+            3,
+            "right and up are parallel",
+        ),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nprojection.spherical = { axis = [0, 0, 3] }",
+            3,
+            "front is parallel to the axis",
+        ),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nprojection.spherical = { axis = [0, 0, 0] }",
+            3,
+            "a direction of length zero",
+        ),
         ("[[material]]\nname = \"a\"\n[[material]]\nname = \"a\"", 4, "two materials 'a'"),
         ("[[material]]\ndiffuse = 0.5", 1, "missing field `name`"),
         ("[[material]]\nname = \"a\"\ndiffuse_texture = \"none.png\"", 3, "'none.png' cannot be read"),

@@ -107,7 +107,7 @@ impl Builder {
     fn form(mut self, base: Quadric, material: Material) -> Self {
         let solid = Solid::from(FreeForm::new(base, Vec::new()).expect("a form without perturbations"));
         let material = self.material(material);
-        self.description.forms.push(FormObject { name: String::new(), solid, material });
+        self.description.forms.push(FormObject { name: String::new(), solid, material, projection: None });
         self
     }
 

@@ -81,7 +81,7 @@ impl Builder {
     fn form(mut self, base: Quadric, material: Material) -> Self {
         let solid = Solid::from(FreeForm::new(base, Vec::new()).expect("a form"));
         let material = self.material(material);
-        self.description.forms.push(scene::FormObject { name: String::new(), solid, material });
+        self.description.forms.push(scene::FormObject { name: String::new(), solid, material, projection: None });
         self
     }
 

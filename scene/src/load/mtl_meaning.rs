@@ -41,6 +41,7 @@ pub(super) fn translate(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings)
         name: mtl.name.clone(),
         diffuse,
         diffuse_texture: None,
+        noise: None,
         specular,
         emission: mtl.emission.unwrap_or(Vec3::ZERO),
         opacity,

@@ -6,15 +6,17 @@ use freeform::Bounds;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use toml::Spanned;
 
-use super::schema::{CameraTable, EnvironmentTable, FormTable, LightTable, MaterialTable, MeshTable};
+use super::schema::{
+    CameraTable, EnvironmentTable, FormTable, LightTable, MaterialTable, MeshTable, NoiseTable, PatternName,
+};
 use super::values::{Angles, Point, Scale};
 use super::{Source, forms};
-use crate::Camera;
 use crate::description::{FormObject, Material, Mesh, PunctualLight, SpecularKind};
 use crate::load::error::{LoadError, Place, nearest, quoted};
 use crate::load::files::check_name;
 use crate::load::loader::{Loader, Use, scaled};
 use crate::load::{FileSettings, limits, obj};
+use crate::{Camera, Noise, Pattern};
 
 /// Angle of view of a camera that names none, degrees.
 const FOV: f32 = 40.0;
@@ -151,19 +153,44 @@ fn material(loader: &mut Loader<'_>, table: &MaterialTable, source: &Source) -> 
         }
     };
     // What is textured is the texture; what shines or reflects needs no grey beneath.
-    let unsaid = match (&table.diffuse_texture, specular, table.emission) {
-        (Some(_), _, _) => 1.0,
-        (None, SpecularKind::None, None) => 0.5,
+    let is_textured = table.diffuse_texture.is_some() || table.noise.is_some();
+    let unsaid = match (is_textured, specular, table.emission) {
+        (true, _, _) => 1.0,
+        (false, SpecularKind::None, None) => 0.5,
         _ => 0.0,
     };
     Ok(Material {
         name: table.name.get_ref().clone(),
         diffuse: table.diffuse.map_or(Vec3::splat(unsaid), |diffuse| diffuse.0),
         diffuse_texture: texture(&table.diffuse_texture, Use::Color)?,
+        noise: table.noise.as_ref().map(|table| noise(table, source)).transpose()?,
         specular,
         emission: table.emission.map_or(Vec3::ZERO, |emission| emission.0),
         opacity: table.opacity.map_or(1.0, |opacity| opacity.0),
         opacity_texture: texture(&table.opacity_texture, Use::Mask)?,
+    })
+}
+
+fn noise(table: &Spanned<NoiseTable>, source: &Source) -> Result<Noise, LoadError> {
+    let NoiseTable { pattern, size, octaves, distortion, low, high, seed } = *table.get_ref();
+    if pattern == PatternName::Clouds && distortion.is_some() {
+        return Err(source
+            .place(table.span())
+            .invalid("clouds with a distortion", "remove it, or choose marble or wood"));
+    }
+    let pattern = match pattern {
+        PatternName::Clouds => Pattern::Clouds,
+        PatternName::Marble => Pattern::Marble,
+        PatternName::Wood => Pattern::Wood,
+    };
+    Ok(Noise {
+        pattern,
+        size: size.0,
+        octaves: octaves.map_or(4, |octaves| octaves.0),
+        distortion: distortion.map_or(1.0, |distortion| distortion.0),
+        low: low.map_or(Vec3::ZERO, |low| low.0),
+        high: high.map_or(Vec3::ONE, |high| high.0),
+        seed,
     })
 }
 
@@ -188,6 +215,7 @@ fn form(
     let FormTable { name, material, .. } = table.get_ref();
     check_name(name, place)?;
     let solid = forms::solid(table, source)?;
+    let projection = forms::projection(table.get_ref(), source)?;
     let material = match material {
         Some(name) => named(name, names, source)?,
         None => loader.default_material(place)?,
@@ -196,7 +224,7 @@ fn form(
     if shines && matches!(solid.bounds(), Bounds::Unbounded) {
         return Err(place.invalid("an unbounded form that shines", "bound it, or give it a material without emission"));
     }
-    Ok(FormObject { name: name.clone(), solid, material })
+    Ok(FormObject { name: name.clone(), solid, material, projection })
 }
 
 fn mesh(

@@ -8,8 +8,9 @@ use toml::Spanned;
 
 use super::Source;
 use super::build::transformation;
-use super::schema::{ClipTable, FormTable, PartTable, PerturbationTable, PsiTable, QuadricTable};
+use super::schema::{ClipTable, FormTable, PartTable, PerturbationTable, ProjectionTable, PsiTable, QuadricTable};
 use super::values::{Length, Point};
+use crate::Projection;
 use crate::load::error::LoadError;
 
 /// Makes the solid of a `[[form]]`.
@@ -30,6 +31,32 @@ pub(super) fn solid(table: &Spanned<FormTable>, source: &Source) -> Result<Solid
     ];
     let transform = transformation(table.scale, table.rotate, table.translate);
     Shape { span, form, operations, psi: table.psi, clip: table.clip.as_ref(), transform }.solid(source)
+}
+
+/// Makes the projection of a `[[form]]`, which is placed with the form.
+pub(super) fn projection(table: &FormTable, source: &Source) -> Result<Option<Projection>, LoadError> {
+    let Some(projection) = &table.projection else { return Ok(None) };
+    let place = source.place(projection.span());
+    let point = |point: Option<Point>| point.map_or(DVec3::ZERO, |point| point.0);
+    let projection = match *projection.get_ref() {
+        ProjectionTable::Planar { origin, right, up } => {
+            Projection::planar(point(origin), right.0, up.0).ok_or_else(|| {
+                place.invalid("right and up are parallel or of length zero", "give two edges of the picture")
+            })?
+        }
+        ProjectionTable::Spherical { center, axis, front } => {
+            let axis = axis.map_or(DVec3::Y, |axis| axis.0);
+            let front = front.map_or(DVec3::Z, |front| front.0);
+            Projection::spherical(point(center), axis, front).ok_or_else(|| {
+                place.invalid("front is parallel to the axis", "give another front, such as front = [1, 0, 0]")
+            })?
+        }
+        ProjectionTable::Box { center, size } => Projection::cube(point(center), size.0),
+    };
+    Ok(Some(match transformation(table.scale, table.rotate, table.translate) {
+        Some(transform) => projection.transformed(&transform),
+        None => projection,
+    }))
 }
 
 /// Makes the solid of a part of a set operation. It calls itself for parts of parts, as deep as the reader of the file allows.

@@ -6,8 +6,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::values::{
-    Alpha, Amount, Angles, Coefficients, Direction, Exposure, Factor, FieldOfView, FilmSize, Fraction, Index, Length,
-    Point, Quality, Radii, Real, Scale, Share, Spp, Uv,
+    Alpha, Amount, Angles, Coefficients, Direction, Distortion, Exposure, Factor, FieldOfView, FilmSize, Fraction,
+    Index, Length, NoiseSize, Octaves, Point, Quality, Radii, Real, Scale, Share, Spp, Uv,
 };
 
 /// A whole file.
@@ -64,12 +64,34 @@ pub(super) struct MaterialTable {
     pub(super) name: Spanned<String>,
     pub(super) diffuse: Option<Share>,
     pub(super) diffuse_texture: Option<Spanned<String>>,
+    pub(super) noise: Option<Spanned<NoiseTable>>,
     pub(super) gloss: Option<GlossTable>,
     pub(super) mirror: Option<MirrorTable>,
     pub(super) glass: Option<GlassTable>,
     pub(super) emission: Option<Amount>,
     pub(super) opacity: Option<Fraction>,
     pub(super) opacity_texture: Option<Spanned<String>>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NoiseTable {
+    pub(super) pattern: PatternName,
+    pub(super) size: NoiseSize,
+    pub(super) octaves: Option<Octaves>,
+    pub(super) distortion: Option<Distortion>,
+    pub(super) low: Option<Share>,
+    pub(super) high: Option<Share>,
+    #[serde(default)]
+    pub(super) seed: i32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum PatternName {
+    Clouds,
+    Marble,
+    Wood,
 }
 
 #[derive(Debug, Deserialize)]
@@ -125,9 +147,19 @@ pub(super) struct FormTable {
     pub(super) complement: Option<Box<Spanned<PartTable>>>,
     pub(super) psi: Option<PsiTable>,
     pub(super) clip: Option<Spanned<ClipTable>>,
+    pub(super) projection: Option<Spanned<ProjectionTable>>,
     pub(super) scale: Option<Scale>,
     pub(super) rotate: Option<Angles>,
     pub(super) translate: Option<Point>,
+}
+
+/// How a form gets its texture coordinates.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum ProjectionTable {
+    Planar { origin: Option<Point>, right: Point, up: Point },
+    Spherical { center: Option<Point>, axis: Option<Direction>, front: Option<Direction> },
+    Box { center: Option<Point>, size: Length },
 }
 
 /// A part of a set operation: a form without a name and a material of its own.

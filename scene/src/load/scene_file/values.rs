@@ -8,6 +8,7 @@ use glam::{DVec3, UVec2, Vec2, Vec3};
 use serde::Deserialize;
 use serde::de::{Deserializer, SeqAccess, Visitor};
 
+use crate::Noise;
 use crate::load::limits;
 
 /// One number, or several in brackets.
@@ -129,6 +130,12 @@ numbers! {
     Amount(Vec3) = |n| n.triple(0.0, MOST).map(|v| v.as_vec3());
     /// A share that has no colour.
     Fraction(f32) = |n| n.array::<1>(0.0, 1.0).map(|[x]| single(x));
+    /// Sizes of noise, metres.
+    NoiseSize(Vec3) = |n| n.triple(1e-6, limits::COORDINATE).map(|v| v.as_vec3());
+    /// Octaves of noise.
+    Octaves(u32) = |n| n.array::<1>(1.0, f64::from(Noise::MAX_OCTAVES)).and_then(|[octaves]| whole(octaves).map_err(|error| format!("{error}; give a number of octaves")));
+    /// How far noise moves sheets and rings.
+    Distortion(f32) = |n| n.array::<1>(0.0, 1000.0).map(|[x]| single(x));
     /// A microfacet width.
     Alpha(f32) = |n| n.array::<1>(1e-3, 1.0).map(|[x]| single(x));
     /// A refractive index.
