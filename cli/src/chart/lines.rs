@@ -159,13 +159,19 @@ impl Line {
     /// An error that no point has.
     fn beyond(&self, error: f64, measure: Measure) -> Reached {
         let Some(last) = self.points.last() else { return Reached::Unknowable };
-        if self.method == integrator::Method::Path.name() {
+        if samples_are_independent(&self.method) {
             return Reached::Extrapolated { seconds: last.seconds * last.net(measure).error / error };
         }
         let nets = self.points.iter().map(|point| point.net(measure));
         let least = nets.min_by(|a, b| a.error.total_cmp(&b.error)).expect("there is a last one");
         Reached::Never { least }
     }
+}
+
+/// Whether a line is that of a path tracer, by its name: `path`, or another program's, `mitsuba-path`.
+fn samples_are_independent(method: &str) -> bool {
+    let path = integrator::Method::Path.name();
+    method.strip_suffix(path).is_some_and(|program| program.is_empty() || program.ends_with('-'))
 }
 
 /// y at `x` on the line through two points of positive coordinates, straight where both axes are logarithmic.
@@ -207,13 +213,18 @@ mod tests {
         assert_eq!(robust(&records, 2e-2), Reached::Before { seconds: 1.0 }, "the first point is better");
         let least = Net { error: 4e-3, is_floor: false };
         assert_eq!(robust(&records, 1e-3), Reached::Never { least }, "nobody knows when");
-        let path = records.map(|record| Record { method: "path".into(), ..record });
-        assert_eq!(
-            robust(&path, 1e-3),
-            Reached::Extrapolated { seconds: 8.0 },
-            "a quarter of the error, four times the time"
-        );
-        assert!(lines(&path, "b").is_empty(), "another scene");
+        let named = |method: &str| records.clone().map(|record| Record { method: method.into(), ..record });
+        for path in ["path", "mitsuba-path"] {
+            let found = robust(&named(path), 1e-3);
+            assert_eq!(
+                found,
+                Reached::Extrapolated { seconds: 8.0 },
+                "{path}: a quarter of the error, four times the time"
+            );
+        }
+        let denoised = robust(&named("mitsuba-path-oidn"), 1e-3);
+        assert_eq!(denoised, Reached::Never { least }, "a denoised picture keeps its bias");
+        assert!(lines(&records, "b").is_empty(), "another scene");
     }
 
     #[test]

@@ -217,7 +217,9 @@ fn facts(records: &[&Record]) -> Vec<String> {
         add(format!("{} x {} pixels, {threads} of {}", record.width, record.height, record.cpu));
     }
     for record in records.iter().filter(|record| !record.version.is_empty()) {
-        add(format!("freelux {}", record.version));
+        // Other programs name themselves; our records hold the bare number.
+        let is_ours = record.version.starts_with(|first: char| first.is_ascii_digit());
+        add(if is_ours { format!("freelux {}", record.version) } else { record.version.clone() });
     }
     for record in records.iter().filter(|record| !record.reference.is_empty()) {
         add(match (record.reference_relmse, record.reference_robust) {
