@@ -22,6 +22,7 @@ mod range;
 mod ray;
 mod sextic;
 mod shapes;
+mod slabs;
 mod solid;
 mod text;
 mod texture;

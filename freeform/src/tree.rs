@@ -3,7 +3,12 @@
 //! The list is in prefix order, each operation before its parts, and an operation knows how many tokens it spans. So trees are joined by appending lists,
 //! and subtrees are slices.
 
-use crate::{DEPTH_LIMIT, FormError, FreeForm, Psi, bounds::Extent, psi::Valued};
+use crate::{
+    DEPTH_LIMIT, FormError, FreeForm, Psi,
+    bounds::Extent,
+    psi::Valued,
+    slabs::{self, Slab},
+};
 
 /// A set operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,7 +123,7 @@ pub(crate) fn evaluate<V: Valued>(tokens: &[Token], place: &mut Place, leaf: &mu
 
 /// Returns a box around the places of the subtree at `place` where its function is `-depth` or more.
 pub(crate) fn extent(tokens: &[Token], forms: &[FreeForm], place: &mut Place, depth: f64) -> Extent {
-    let form = place.form;
+    let (start, form) = (*place, place.form);
     match place.next(tokens) {
         Token::Form => forms[form].extent_at(depth),
         Token::Join(Join { operation, psi, parts, .. }) => {
@@ -128,7 +133,11 @@ pub(crate) fn extent(tokens: &[Token], forms: &[FreeForm], place: &mut Place, de
                 Operation::Union => (1..parts).fold(first, |sum, _| sum.union(&extent(tokens, forms, place, below))),
                 // The intersection by any psi is nowhere more than its least part.
                 Operation::Intersection => {
-                    (1..parts).fold(first, |sum, _| sum.intersection(&extent(tokens, forms, place, below)))
+                    let each = (1..parts).fold(first, |sum, _| sum.intersection(&extent(tokens, forms, place, below)));
+                    let mut slabs = Vec::new();
+                    let mut again = start;
+                    find_slabs(tokens, forms, &mut again, depth, &mut slabs);
+                    each.intersection(&slabs::extent(&slabs))
                 }
                 Operation::Difference => {
                     (1..parts).for_each(|_| *place = place.after(tokens));
@@ -137,6 +146,21 @@ pub(crate) fn extent(tokens: &[Token], forms: &[FreeForm], place: &mut Place, de
                 Operation::Complement => Extent::ALL,
             }
         }
+    }
+}
+
+/// Slabs that one intersection is looked through for at most: all triples of them are tried.
+const SLABS_MAX: usize = 12;
+
+/// Finds slabs in which all of the subtree at `place` lies where its function is `-depth` or more: forms that are parts of intersections alone.
+fn find_slabs(tokens: &[Token], forms: &[FreeForm], place: &mut Place, depth: f64, slabs: &mut Vec<Slab>) {
+    let (start, form) = (*place, place.form);
+    match place.next(tokens) {
+        Token::Form if slabs.len() < SLABS_MAX => slabs.extend(Slab::of_form(&forms[form], depth)),
+        Token::Join(Join { operation: Operation::Intersection, parts, .. }) => {
+            (0..parts).for_each(|_| find_slabs(tokens, forms, place, depth, slabs));
+        }
+        Token::Form | Token::Join(_) => *place = start.after(tokens),
     }
 }
 

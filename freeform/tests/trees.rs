@@ -183,6 +183,43 @@ fn what_is_taken_away_leaves_no_skin() {
 }
 
 #[test]
+fn turned_boxes_are_bounded() {
+    // Each slab by itself is endless along every axis; together they have the box of the corners, also as a part and far away.
+    let cube = Solid::cuboid(DVec3::splat(-1.0), DVec3::new(1.0, 2.0, 1.0)).unwrap();
+    let turn = DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.8);
+    let place = DAffine3::from_translation(DVec3::new(0.0, 50.0, -1e4))
+        * turn
+        * DAffine3::from_scale(DVec3::new(1.0, 0.5, 2.0));
+    let corners = (0..8).map(|k| DVec3::new([-1.0, 1.0][k & 1], [-1.0, 2.0][k >> 1 & 1], [-1.0, 1.0][k >> 2]));
+    let corners: Vec<DVec3> = corners.map(|corner| place.transform_point3(corner)).collect();
+    let low = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let turned = cube.transformed(&place).unwrap();
+    let rod = Solid::from(FreeForm::new(Quadric::cylinder(DVec3::ZERO, DVec3::Y, 9.0).unwrap(), vec![]).unwrap());
+    let clipped =
+        rod.clone().clipped(DVec3::splat(-1.0), DVec3::new(1.0, 2.0, 1.0)).unwrap().transformed(&place).unwrap();
+    let drilled =
+        Solid::difference(Psi::Blend { width: 0.1 }, vec![turned.clone(), ball(place.translation, 0.4)]).unwrap();
+    for (solid, what) in [(turned, "box"), (clipped, "clipped rod"), (drilled, "box with a hollow")] {
+        let Bounds::Finite { min, max } = solid.bounds() else { panic!("a turned {what} is bounded") };
+        assert!(min.cmple(low).all() && (low - min).max_element() < 1e-6, "{what}: {min}, not {low}");
+        assert!(max.cmpge(high).all() && (max - high).max_element() < 1e-6, "{what}: {max}, not {high}");
+    }
+    let slab = |normal: DVec3| slab(DVec3::ONE, normal, 0.25);
+    let two =
+        Solid::intersection(Psi::Maximum, vec![slab(DVec3::new(1.0, 1.0, 0.0)), slab(DVec3::new(1.0, -1.0, 0.2))])
+            .unwrap();
+    assert_eq!(two.bounds(), Bounds::Unbounded, "two slabs leave a beam without ends");
+    let near = vec![slab(DVec3::Y + DVec3::X), slab(DVec3::Y - DVec3::X), slab(DVec3::new(0.0, 1.0, 1e-6))];
+    let near = Solid::intersection(Psi::Maximum, near).unwrap();
+    assert_eq!(
+        near.bounds(),
+        Bounds::Unbounded,
+        "three that nearly lie along a line have no box that rounding would not move"
+    );
+}
+
+#[test]
 fn operations_have_their_closed_forms() {
     let x = |t: f64| DVec3::X * t;
     let (a, b) = (ball(DVec3::ZERO, 1.0), ball(x(1.0), 1.0));
