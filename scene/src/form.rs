@@ -1,5 +1,7 @@
 //! Free forms among the triangles: from f32 rays to f64 and back.
 
+use std::sync::Arc;
+
 use freeform::{Bounds, Solid};
 use glam::{Vec2, Vec3A};
 
@@ -9,7 +11,8 @@ use crate::{Aabb, FormObject, Hit, Ray};
 /// A free form with what a ray needs to know of it.
 #[derive(Debug)]
 pub(crate) struct Form {
-    pub(crate) solid: Solid,
+    /// Shared with its light.
+    pub(crate) solid: Arc<Solid>,
     pub(crate) material: u32,
     /// `None` where it is unbounded.
     pub(crate) bounds: Option<Aabb>,
@@ -41,7 +44,7 @@ impl Form {
             }
             Bounds::Unbounded => None,
         };
-        Self { solid, material, bounds, cut_out, projector: projection.as_ref().map(Projector::new) }
+        Self { solid: Arc::new(solid), material, bounds, cut_out, projector: projection.as_ref().map(Projector::new) }
     }
 
     /// Returns where the ray first crosses the surface, where `keep` says that it is there.

@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A};
 use crate::bvh::{Bvh, Primitive};
 use crate::check;
 use crate::form::Form;
-use crate::light::TriangleLight;
+use crate::light::{FormLight, TriangleLight};
 use crate::triangles::Triangles;
 use crate::{
     Aabb, Bsdf, BuildError, Camera, Description, Hit, Lights, Material, Ray, Specular, SpecularKind, Surface, Texture,
@@ -46,9 +46,9 @@ pub struct Features {
     pub absorbing: bool,
     /// Surfaces with holes (`opacity` below 1 or masked).
     pub cut_outs: bool,
-    /// Surfaces that shine but are not among the lights that are sampled: free forms, and triangles with masks.
+    /// Surfaces that shine but are not among the lights that are sampled: triangles with masks, and free forms that are unbounded or there in part only.
     pub emissive_unsampled: bool,
-    /// Triangles that shine and are sampled.
+    /// Triangles and free forms that shine and are sampled.
     pub area_lights: bool,
     /// Point or directional lights.
     pub punctual_lights: bool,
@@ -85,7 +85,13 @@ impl Scene {
         let bounds = primitives.iter().fold(Aabb::EMPTY, |all, primitive| all.union(primitive.bounds()));
         drop(primitives);
         let start = Instant::now();
-        let lights = Lights::new(triangle_lights(&triangles, &materials), lights, environment, bounds);
+        let lights = Lights::new(
+            triangle_lights(&triangles, &materials),
+            form_lights(&triangles, &forms, &materials),
+            lights,
+            environment,
+            bounds,
+        );
         let light_seconds = start.elapsed().as_secs_f64();
         let features = features(&triangles, &forms, &materials, &lights);
         let camera = camera.unwrap_or_else(|| Camera::framing(bounds));
@@ -274,7 +280,7 @@ impl Scene {
     #[must_use]
     pub fn form(&self, primitive: u32) -> Option<&Solid> {
         let index = (primitive as usize).checked_sub(self.triangles.len())?;
-        self.forms.get(index).map(|form| &form.solid)
+        self.forms.get(index).map(|form| &*form.solid)
     }
 
     /// Returns the materials.
@@ -362,6 +368,18 @@ fn triangle_lights(triangles: &Triangles, materials: &[Material]) -> Vec<Triangl
     (0u32..).zip(0..triangles.len()).filter_map(light).collect()
 }
 
+/// Returns the free forms that shine. Those without bounds and those with holes are left to chance: behind a hole light sampling would see no farther.
+fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<FormLight> {
+    let first = triangles.len();
+    let light = |(primitive, form): (usize, &Form)| {
+        let material = &materials[form.material as usize];
+        let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
+        let sampled = material.is_emissive() && !form.cut_out && form.bounds.is_some();
+        sampled.then(|| FormLight::new(&form.solid, material.emission, primitive)).flatten()
+    };
+    (first..).zip(forms).filter_map(light).collect()
+}
+
 fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], lights: &Lights) -> Features {
     let mut features = Features {
         area_lights: lights.has_area(),
@@ -371,7 +389,7 @@ fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], light
         forms: !forms.is_empty(),
         ..Features::default()
     };
-    let mut add = |material: &Material, is_form: bool| {
+    let mut add = |material: &Material, is_sampled: bool| {
         features.diffuse |=
             material.diffuse != Vec3::ZERO && !matches!(material.specular, SpecularKind::Dielectric { .. });
         features.glossy |= matches!(material.specular, SpecularKind::Ggx { .. });
@@ -381,12 +399,19 @@ fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], light
             features.absorbing |= absorption != Vec3::ZERO;
         }
         features.cut_outs |= material.is_cut_out();
-        features.emissive_unsampled |= material.is_emissive() && (is_form || material.opacity_texture.is_some());
+        features.emissive_unsampled |= material.is_emissive() && !is_sampled;
     };
     let mut used = vec![false; materials.len()];
     (0..triangles.len()).for_each(|i| used[triangles.material(i) as usize] = true);
-    materials.iter().zip(used).filter(|(_, used)| *used).for_each(|(material, _)| add(material, false));
-    forms.iter().for_each(|form| add(&materials[form.material as usize], true));
+    materials
+        .iter()
+        .zip(used)
+        .filter(|(_, used)| *used)
+        .for_each(|(material, _)| add(material, material.opacity_texture.is_none()));
+    for form in forms {
+        let material = &materials[form.material as usize];
+        add(material, !form.cut_out && form.bounds.is_some());
+    }
     features
 }
 

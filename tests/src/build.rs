@@ -104,8 +104,13 @@ impl Builder {
         self.form(Quadric::sphere(DVec3::ZERO, 1.0).expect("a sphere").complement(), material)
     }
 
-    fn form(mut self, base: Quadric, material: Material) -> Self {
-        let solid = Solid::from(FreeForm::new(base, Vec::new()).expect("a form without perturbations"));
+    fn form(self, base: Quadric, material: Material) -> Self {
+        self.solid(FreeForm::new(base, Vec::new()).expect("a form without perturbations").into(), material)
+    }
+
+    /// Adds a solid as a free form.
+    #[must_use]
+    pub fn solid(mut self, solid: Solid, material: Material) -> Self {
         let material = self.material(material);
         self.description.forms.push(FormObject { name: String::new(), solid, material, projection: None });
         self

@@ -45,6 +45,15 @@ impl Choice {
         probability
     }
 
+    /// Returns what is left of the number `u` that chose `index`: uniform in [0, 1] again, with as many digits less as the choice took.
+    #[inline]
+    pub(super) fn rest(&self, u: f32, index: usize) -> f32 {
+        let before = if index == 0 { 0.0 } else { self.sums[index - 1] };
+        #[expect(clippy::cast_possible_truncation, reason = "a share, rounded to f32")]
+        let rest = ((f64::from(u) - before) / (self.sums[index] - before)) as f32;
+        rest.clamp(0.0, 1.0)
+    }
+
     /// Returns the memory held, bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         self.sums.capacity() * size_of::<f64>()
@@ -63,6 +72,11 @@ mod tests {
         assert_eq!(choice.sample(0.25), Some((3, 0.75)), "from a quarter");
         assert_eq!(choice.sample(1.0 - f32::EPSILON / 2.0), Some((3, 0.75)), "the last with a weight");
         assert_eq!(choice.probability(2), 0.0, "no weight, no probability");
+        assert_eq!(
+            (choice.rest(0.125, 1), choice.rest(0.25, 3)),
+            (0.5, 0.0),
+            "halfway through the first, at the start of the second"
+        );
     }
 
     #[test]

@@ -5,7 +5,9 @@
 
 mod choice;
 mod environment;
+mod form;
 mod punctual;
+mod region;
 mod triangle;
 
 use glam::{Vec2, Vec3, Vec3A};
@@ -13,6 +15,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use crate::{Aabb, Environment, PunctualLight, Ray, Surface};
 use choice::Choice;
 use environment::EnvironmentLight;
+pub(crate) use form::FormLight;
 pub(crate) use triangle::TriangleLight;
 
 /// All lights of a scene.
@@ -20,9 +23,11 @@ pub(crate) use triangle::TriangleLight;
 pub struct Lights {
     /// In the order of their primitives.
     triangles: Vec<TriangleLight>,
+    /// In the order of their primitives, too.
+    forms: Vec<FormLight>,
     punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentLight>,
-    /// Over triangles, then punctual lights, then the environment.
+    /// Over triangles, then forms, then punctual lights, then the environment.
     choice: Choice,
     total_flux: Vec3,
     surroundings: Sphere,
@@ -60,9 +65,10 @@ struct Sphere {
 }
 
 impl Lights {
-    /// Makes the lights of a scene; the triangles are in the order of their primitives.
+    /// Makes the lights of a scene; triangles and forms are in the order of their primitives.
     pub(crate) fn new(
         triangles: Vec<TriangleLight>,
+        forms: Vec<FormLight>,
         punctual: Vec<PunctualLight>,
         environment: Option<Environment>,
         bounds: Aabb,
@@ -71,22 +77,24 @@ impl Lights {
         let surroundings = Sphere { centre: bounds.centre().into(), radius: if radius > 0.0 { radius } else { 1.0 } };
         let punctual: Vec<_> = punctual.into_iter().map(punctual::normalised).collect();
         let environment = environment.and_then(EnvironmentLight::new);
-        Self::from_parts(triangles, punctual, environment, surroundings)
+        Self::from_parts(triangles, forms, punctual, environment, surroundings)
     }
 
     fn from_parts(
         triangles: Vec<TriangleLight>,
+        forms: Vec<FormLight>,
         punctual: Vec<PunctualLight>,
         environment: Option<EnvironmentLight>,
         surroundings: Sphere,
     ) -> Self {
         let fluxes = (triangles.iter().map(TriangleLight::flux))
+            .chain(forms.iter().map(FormLight::flux))
             .chain(punctual.iter().map(|light| punctual::flux(light, &surroundings)))
             .chain(environment.iter().map(|light| light.flux(&surroundings)));
         let fluxes: Vec<Vec3> = fluxes.collect();
         let choice = Choice::new(fluxes.iter().map(|flux| flux.as_dvec3().element_sum()));
         let total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
-        Self { triangles, punctual, environment, choice, total_flux, surroundings }
+        Self { triangles, forms, punctual, environment, choice, total_flux, surroundings }
     }
 
     /// Whether nothing shines that could be chosen.
@@ -102,13 +110,14 @@ impl Lights {
     #[must_use]
     pub fn with_environment_weight(&self, weight: impl Fn(Vec3) -> Vec3) -> Self {
         let environment = self.environment.as_ref().and_then(|light| light.weighted(weight));
-        Self::from_parts(self.triangles.clone(), self.punctual.clone(), environment, self.surroundings)
+        let (triangles, forms) = (self.triangles.clone(), self.forms.clone());
+        Self::from_parts(triangles, forms, self.punctual.clone(), environment, self.surroundings)
     }
 
-    /// Returns the number of lights: emissive triangles, point and directional lights, and the environment.
+    /// Returns the number of lights: emissive triangles and free forms, point and directional lights, and the environment.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.triangles.len() + self.punctual.len() + usize::from(self.environment.is_some())
+        self.triangles.len() + self.forms.len() + self.punctual.len() + usize::from(self.environment.is_some())
     }
 
     /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene.
@@ -126,7 +135,9 @@ impl Lights {
         let (index, probability) = self.choice.sample(u_choice)?;
         let sample = if let Some(light) = self.triangles.get(index) {
             light.sample(p, u, probability)?
-        } else if let Some(light) = self.punctual.get(index - self.triangles.len()) {
+        } else if let Some(light) = self.forms.get(index - self.triangles.len()) {
+            light.sample(p, n, u, probability)?
+        } else if let Some(light) = self.punctual.get(index - self.triangles.len() - self.forms.len()) {
             punctual::sample(light, p, probability)?
         } else {
             self.environment.as_ref()?.sample(u, probability)?
@@ -145,7 +156,10 @@ impl Lights {
         }
         match self.triangles.binary_search_by_key(&surface.primitive, |light| light.primitive) {
             Ok(index) => self.triangles[index].pdf(p, wi, surface) * self.choice.probability(index),
-            Err(_) => 0.0,
+            Err(_) => match self.forms.binary_search_by_key(&surface.primitive, |light| light.primitive) {
+                Ok(index) => self.forms[index].pdf(p, wi) * self.choice.probability(self.triangles.len() + index),
+                Err(_) => 0.0,
+            },
         }
     }
 
@@ -166,7 +180,9 @@ impl Lights {
         let (index, probability) = self.choice.sample(u_choice)?;
         let mut emission = if let Some(light) = self.triangles.get(index) {
             light.emit(u_position, u_direction)
-        } else if let Some(light) = self.punctual.get(index - self.triangles.len()) {
+        } else if let Some(light) = self.forms.get(index - self.triangles.len()) {
+            light.emit(self.choice.rest(u_choice, index), u_position, u_direction)?
+        } else if let Some(light) = self.punctual.get(index - self.triangles.len() - self.forms.len()) {
             punctual::emit(light, &self.surroundings, u_position, u_direction)
         } else {
             self.environment.as_ref()?.emit(&self.surroundings, u_position, u_direction)?
@@ -184,6 +200,7 @@ impl Lights {
     /// Returns the memory held, bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.triangles.capacity() * size_of::<TriangleLight>()
+            + self.forms.capacity() * size_of::<FormLight>()
             + self.punctual.capacity() * size_of::<PunctualLight>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
             + self.choice.memory_bytes()
@@ -198,7 +215,7 @@ impl Lights {
     }
 
     pub(crate) fn has_area(&self) -> bool {
-        !self.triangles.is_empty()
+        !(self.triangles.is_empty() && self.forms.is_empty())
     }
 }
 

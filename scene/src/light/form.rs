@@ -1,0 +1,262 @@
+//! A free form that shines.
+//!
+//! A direction is chosen in the solid angle of an ellipsoid that is the form itself, else of the box around it, and the form's own first crossing along it is the point of
+//! the light; directions that miss it count as 0. So what is sampled is the form and no mesh of it, and the density is known for any direction.
+//!
+//! Photons start where random lines leave the form. The flux that leaves a surface of radiance L is L times the measure of the lines that cross it outwards,
+//!
+//! ```text
+//! flux = L (measure of lines through a sphere, 4 pi * pi R^2) (mean number of exits on such a line),
+//! ```
+//!
+//! which is Cauchy's and Crofton's way to the area, too: flux = pi L area.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use freeform::{Bounds, Ray as LineRay, Solid};
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3A};
+use hemimap::double::Frame;
+
+use super::region::Region;
+use super::{Emission, LightSample};
+use crate::{Ray, surface};
+
+/// An emissive free form.
+#[derive(Debug, Clone)]
+pub(crate) struct FormLight {
+    solid: Arc<Solid>,
+    region: Region,
+    /// A sphere around the form.
+    centre: DVec3,
+    radius: f64,
+    area: f64,
+    /// Radiance, W m^-2 sr^-1.
+    radiance: Vec3,
+    /// Its index among the scene's primitives.
+    pub(super) primitive: u32,
+}
+
+/// Rounding of an f32 position, as a share of its coordinates: a light is looked for from a point so much above the surface, or a form would find itself.
+const POSITION_ERROR: f64 = 4.0 * f32::EPSILON as f64;
+
+/// Behind a crossing the search on a line goes on this share of the radius farther.
+const STEP: f64 = 1e-9;
+
+/// Lines by which the area of a form is found, unless it is known: their count of exits is then good to about a hundredth. It only steers the choice of lights.
+const AREA_LINES: u32 = 4096;
+
+impl FormLight {
+    /// Makes a light; `None` where the form has no bounds, no area or no radiance.
+    pub(crate) fn new(solid: &Arc<Solid>, radiance: Vec3, primitive: u32) -> Option<Self> {
+        let Bounds::Finite { min, max } = solid.bounds() else { return None };
+        let ellipsoid = ellipsoid(solid);
+        let centre = 0.5 * (min + max);
+        let ball = ellipsoid.and_then(|to_unit| ball_radius(to_unit.matrix3));
+        let mut light = Self {
+            solid: solid.clone(),
+            region: ellipsoid.map_or(Region::Box { min, max }, Region::Ellipsoid),
+            centre,
+            // A little more than the ball, for what rounding takes.
+            radius: ball.map_or(0.5 * (max - min).length(), |radius| radius * (1.0 + 1e-9)),
+            area: 0.0,
+            radiance,
+            primitive,
+        };
+        light.area = ball.map_or_else(|| light.measured_area(), |radius| 4.0 * PI * radius * radius);
+        (light.area > 0.0 && light.area.is_finite() && radiance.max_element() > 0.0).then_some(light)
+    }
+
+    /// Returns the flux, W; of what is no ball right to about a hundredth.
+    pub(super) fn flux(&self) -> Vec3 {
+        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+        let area = self.area as f32;
+        self.radiance * (std::f32::consts::PI * area)
+    }
+
+    #[inline]
+    pub(super) fn sample(&self, p: Vec3A, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
+        let (p, n) = (p.as_dvec3(), n.as_dvec3());
+        let (wi, pdf) = self.region.sample(p, u)?;
+        if n.dot(wi) <= 0.0 {
+            return None;
+        }
+        let ray = LineRay::new(p + n * (p.abs().max_element() * POSITION_ERROR), wi);
+        let crossing = self.solid.first_hit(&ray)?;
+        // From within a form its back is seen, which is dark.
+        if !crossing.entering {
+            return None;
+        }
+        let offset = ray.at(crossing.t) - p;
+        let distance = offset.length();
+        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+        let sample = LightSample {
+            wi: (offset / distance).as_vec3a(),
+            distance: distance as f32,
+            radiance: self.radiance,
+            pdf: pdf as f32 * probability,
+            delta: false,
+        };
+        (sample.pdf > 0.0 && sample.pdf.is_finite() && sample.distance > 0.0).then_some(sample)
+    }
+
+    /// Returns the density of a direction in which a ray from `p` met this form, per steradian.
+    #[inline]
+    pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A) -> f32 {
+        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+        let pdf = self.region.pdf(p.as_dvec3(), wi.as_dvec3()) as f32;
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    /// Starts a photon where a random line leaves the form: one of the exits by `u_exit`. `None` where the line misses.
+    pub(super) fn emit(&self, u_exit: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+        let line = self.line(u_position.as_dvec2(), u_direction.as_dvec2());
+        let (mut count, mut chosen, mut u) = (0.0, None, f64::from(u_exit));
+        self.exits(line, |t, part| {
+            // Of n exits each is kept with the probability 1/n: the i-th takes the place of those before it with 1/i, and the number is used again.
+            count += 1.0;
+            if u * count < 1.0 {
+                chosen = Some((t, part));
+                u *= count;
+            } else {
+                u = (u * count - 1.0) / (count - 1.0);
+            }
+        });
+        let (t, part) = chosen?;
+        let p = line.at(t);
+        let normal = self.solid.normal_at(part, p, line.direction).as_vec3a();
+        let direction = line.direction.as_vec3a();
+        // A rounded normal may lie across the line's direction, but the line leaves.
+        let normal = if normal.dot(direction) < 0.0 { direction } else { normal };
+        let rounded = p.as_vec3a();
+        #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
+        let p_error = (p.abs().max_element() * POSITION_ERROR) as f32;
+        let origin = surface::offset(rounded, normal, p_error, direction);
+        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+        let measure = (self.line_measure() * count) as f32;
+        Some(Emission { ray: Ray::new(origin, direction), flux: self.radiance * measure })
+    }
+
+    /// Measure of the lines through the sphere, m^2 sr.
+    fn line_measure(&self) -> f64 {
+        4.0 * PI * PI * self.radius * self.radius
+    }
+
+    /// Returns a random line through the sphere around the form.
+    fn line(&self, u_position: DVec2, u_direction: DVec2) -> LineRay {
+        // The lower half of u.x goes down: both hemispheres keep an even map.
+        let below = u_direction.x < 0.5;
+        let half = DVec2::new(2.0 * u_direction.x - if below { 0.0 } else { 1.0 }, u_direction.y);
+        let mut direction = hemimap::double::square_to_uniform_hemisphere(half);
+        if below {
+            direction.z = -direction.z;
+        }
+        let disk = hemimap::double::square_to_disk(u_position) * self.radius;
+        let frame = Frame::from_normal(direction);
+        LineRay::new(self.centre + frame.s * disk.x + frame.t * disk.y - direction * (2.0 * self.radius), direction)
+    }
+
+    /// Shows the places where the line leaves the form: parameter and part.
+    fn exits(&self, mut line: LineRay, mut visit: impl FnMut(f64, u32)) {
+        while let Some(crossing) = self.solid.first_hit(&line) {
+            if !crossing.entering {
+                visit(crossing.t, crossing.part);
+            }
+            line.t_min = crossing.t + STEP * self.radius;
+        }
+    }
+
+    fn measured_area(&self) -> f64 {
+        let mut exits = 0.0;
+        for i in 0..AREA_LINES {
+            // Roberts' sequence in four dimensions: powers of the root of x^5 = x + 1.
+            let u = |power: i32| (0.5 + f64::from(i) * 1.167_303_978_261_418_7_f64.powi(-power)).fract();
+            self.exits(self.line(DVec2::new(u(1), u(2)), DVec2::new(u(3), u(4))), |_, _| exits += 1.0);
+        }
+        self.line_measure() * exits / f64::from(AREA_LINES) / PI
+    }
+}
+
+/// Returns the map from a solid that is one ellipsoid to the unit ball.
+fn ellipsoid(solid: &Solid) -> Option<DAffine3> {
+    let [form] = solid.forms() else { return None };
+    if solid.operation().is_some() || !form.perturbations().is_empty() {
+        return None;
+    }
+    // Q(c + v) = k - v.Sv k: with S = L L^T, |L^T v| = 1 is the surface.
+    let hessian = form.base().hessian();
+    let middle = -(hessian.inverse() * form.base().gradient(DVec3::ZERO));
+    let k = form.base().value(middle);
+    let s = hessian * (-0.5 / k);
+    let a = s.x_axis.x.sqrt();
+    let (b, c) = (s.x_axis.y / a, s.x_axis.z / a);
+    let d = (s.y_axis.y - b * b).sqrt();
+    let e = (s.y_axis.z - b * c) / d;
+    let f = (s.z_axis.z - c * c - e * e).sqrt();
+    let upper = DMat3::from_cols(DVec3::new(a, 0.0, 0.0), DVec3::new(b, d, 0.0), DVec3::new(c, e, f));
+    let centre = form.origin() + middle;
+    // A root of what is negative was no ellipsoid's.
+    let sound = k > 0.0 && centre.is_finite() && upper.is_finite() && upper.inverse().is_finite();
+    sound.then(|| DAffine3 { matrix3: upper, translation: -(upper * centre) })
+}
+
+/// Returns the radius of a ball that `to_unit` maps to the unit ball; `None` where it is no ball in the first nine digits.
+fn ball_radius(to_unit: DMat3) -> Option<f64> {
+    let s = to_unit.transpose() * to_unit;
+    let size = s.x_axis.x;
+    let rest = s - DMat3::from_diagonal(DVec3::splat(size));
+    let largest = rest.to_cols_array().into_iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    (largest < 1e-9 * size).then(|| size.sqrt().recip())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use freeform::{FreeForm, Perturbation, Psi, Quadric};
+
+    fn light(solid: Solid) -> FormLight {
+        FormLight::new(&Arc::new(solid), Vec3::ONE, 0).expect("it shines")
+    }
+
+    #[test]
+    fn ellipsoids_are_found_and_nothing_else() {
+        let place = DAffine3::from_scale_rotation_translation(
+            DVec3::new(2.0, 0.5, 1.0),
+            glam::DQuat::from_rotation_y(0.4) * glam::DQuat::from_rotation_z(1.0),
+            DVec3::new(5.0, -3.0, 100.0),
+        );
+        let ball = FreeForm::new(Quadric::sphere(DVec3::ONE, 2.0).unwrap(), vec![]).unwrap();
+        let moved = Solid::from(ball.transformed(&place).unwrap());
+        let to_unit = ellipsoid(&moved).unwrap();
+        for v in [DVec3::X, DVec3::new(0.6, 0.0, -0.8), -DVec3::Y] {
+            let on_surface = place.transform_point3(DVec3::ONE + 2.0 * v);
+            assert!((to_unit.transform_point3(on_surface).length() - 1.0).abs() < 1e-9, "at {on_surface}");
+        }
+        assert_eq!(ball_radius(to_unit.matrix3), None, "which is no ball");
+        let radius = ball_radius(ellipsoid(&Solid::from(ball.clone())).unwrap().matrix3).unwrap();
+        assert!((radius - 2.0).abs() < 1e-12, "but this is: {radius}");
+        let cylinder = FreeForm::new(Quadric::cylinder(DVec3::ZERO, DVec3::Y, 1.0).unwrap(), vec![]).unwrap();
+        let outside = FreeForm::new(Quadric::sphere(DVec3::ONE, 2.0).unwrap().complement(), vec![]).unwrap();
+        let sheets = Quadric::one_sheet(DVec3::ZERO, DVec3::Y, 1.0, 1.0).unwrap();
+        let bump = Perturbation { quadric: Quadric::sphere(DVec3::X, 1.0).unwrap(), factor: 0.1 };
+        let bumpy = FreeForm::new(*ball.base(), vec![bump]).unwrap();
+        let sheets = FreeForm::new(sheets, vec![]).unwrap();
+        for (form, what) in [(cylinder, "cylinder"), (outside, "room"), (bumpy, "bumps"), (sheets, "hyperboloid")] {
+            assert!(ellipsoid(&Solid::from(form)).is_none(), "a {what} is none");
+        }
+        let union = Solid::union(Psi::Maximum, vec![ball.into()]).unwrap();
+        assert!(ellipsoid(&union).is_none(), "nor is a union");
+    }
+
+    #[test]
+    fn area_is_that_of_cauchy_and_crofton() {
+        let cuboid = Solid::cuboid(DVec3::new(-1.0, 0.0, 2.0), DVec3::new(1.0, 0.5, 3.0)).unwrap();
+        assert!((light(cuboid.clone()).area / 7.0 - 1.0).abs() < 0.02, "2 (1 + 2 + 0.5): {}", light(cuboid).area);
+        // A hollow ball shines into its hollow, too.
+        let ball = |radius| Solid::from(FreeForm::new(Quadric::sphere(DVec3::X, radius).unwrap(), vec![]).unwrap());
+        let shell = Solid::difference(Psi::Maximum, vec![ball(1.0), ball(0.5)]).unwrap();
+        let area = light(shell).area;
+        assert!((area / (5.0 * PI) - 1.0).abs() < 0.02, "4 pi (1 + 1/4): {area}");
+        assert!((light(ball(0.5)).area / PI - 1.0).abs() < 1e-12, "a ball by its formula");
+    }
+}
