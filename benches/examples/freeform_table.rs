@@ -74,7 +74,7 @@ fn rate(scene: &Scene, rays: &[Ray]) -> f64 {
 }
 
 fn scene_of_form(solid: &Solid) -> Scene {
-    let form = FormObject { name: String::new(), solid: solid.clone(), material: 0, projection: None };
+    let form = FormObject { name: String::new(), solid: solid.clone(), material: 0, projection: None, copies: vec![] };
     Scene::new(Description { forms: vec![form], materials: vec![Material::default()], ..Description::default() })
         .expect("sound")
 }

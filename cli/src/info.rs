@@ -95,7 +95,8 @@ fn lights(description: &Description) -> String {
     let shines = |material: u32| description.materials.get(material as usize).is_some_and(|m| m.emission != Vec3::ZERO);
     let triangles =
         description.meshes.iter().flat_map(|mesh| &mesh.materials).filter(|material| shines(**material)).count();
-    let forms = description.forms.iter().filter(|form| shines(form.material)).count();
+    let forms = description.forms.iter().filter(|form| shines(form.material));
+    let forms = forms.map(|form| form.copies.len().max(1)).sum();
     let points = description.lights.iter().filter(|light| matches!(light, PunctualLight::Point { .. })).count();
     let counts =
         [triangles, forms, points, description.lights.len() - points, usize::from(description.environment.is_some())];

@@ -37,23 +37,24 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
     if description.forms.is_empty() {
         return Err(Failure::Input(format!("{}: no free forms; its meshes need no other file", args.scene.display())));
     }
-    let (mut obj, mut vertices, mut triangles) = (Vec::new(), 0, 0);
+    let (mut obj, mut vertices, mut triangles, mut bodies) = (Vec::new(), 0, 0, 0);
     for (index, form) in description.forms.iter().enumerate() {
         let name: String =
             if form.name.is_empty() { format!("form_{index}") } else { form.name.replace(char::is_whitespace, "_") };
         let mesh = form.solid.to_mesh(f64::from(args.cell)).map_err(|error| {
             Failure::Input(format!("{}: form {index} \"{}\": {error}", args.scene.display(), form.name))
         })?;
-        let written = mesh.write_obj(&name, vertices, &mut obj);
-        written.map_err(|error| Failure::unwritable(&args.out, &error))?;
-        vertices += mesh.positions.len();
-        triangles += mesh.triangles.len();
+        let alone = form.copies.is_empty().then(|| mesh.clone());
+        for (copy, mesh) in alone.into_iter().chain(form.copies.iter().map(|copy| mesh.transformed(copy))).enumerate() {
+            let name = if form.copies.is_empty() { name.clone() } else { format!("{name}_{copy}") };
+            let written = mesh.write_obj(&name, vertices, &mut obj);
+            written.map_err(|error| Failure::unwritable(&args.out, &error))?;
+            vertices += mesh.positions.len();
+            triangles += mesh.triangles.len();
+            bodies += 1;
+        }
     }
     files::write_all(&[(&args.out, obj)])?;
-    note(&format!(
-        "{}: {} forms, {vertices} vertices, {triangles} triangles",
-        args.out.display(),
-        description.forms.len()
-    ));
+    note(&format!("{}: {bodies} forms, {vertices} vertices, {triangles} triangles", args.out.display(),));
     Ok(ExitCode::SUCCESS)
 }

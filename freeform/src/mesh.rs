@@ -9,7 +9,7 @@
 
 use std::io::{self, Write};
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use crate::{Bounds, Interval, Ray, Solid};
 
@@ -50,6 +50,23 @@ const DIRECTIONS: usize = 7;
 /// The corners of the six tetrahedra of a cube, as bits for x, y and z: each is a way from corner 0 to corner 7 along the axes.
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]];
+
+impl SurfaceMesh {
+    /// Returns the mesh moved by a transformation that is not singular: the mesh of a copy of the solid. Outside stays outside.
+    #[must_use]
+    pub fn transformed(&self, transform: &DAffine3) -> Self {
+        let normal_matrix = transform.matrix3.inverse().transpose();
+        let mut triangles = self.triangles.clone();
+        if transform.matrix3.determinant() < 0.0 {
+            triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        Self {
+            positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
+            normals: self.normals.iter().map(|&n| (normal_matrix * n).normalize_or_zero()).collect(),
+            triangles,
+        }
+    }
+}
 
 impl Solid {
     /// Returns a mesh of cubes with sides of `cell`: a closed manifold whose vertices are on the surface.

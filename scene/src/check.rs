@@ -19,7 +19,7 @@ pub(crate) fn check(description: &Description) -> Result<(), BuildError> {
         ("positions", description.meshes.iter().map(|m| m.positions.len()).sum(), MAX_PRIMITIVES),
         ("normals", description.meshes.iter().map(|m| m.normals.len()).sum(), MAX_PRIMITIVES),
         ("texture coordinates", description.meshes.iter().map(|m| m.uvs.len()).sum(), MAX_PRIMITIVES),
-        ("free forms", description.forms.len(), MAX_PRIMITIVES),
+        ("free forms", description.forms.iter().map(|form| form.copies.len().max(1)).sum(), MAX_PRIMITIVES),
         ("materials", description.materials.len(), MAX_MATERIALS),
     ];
     for (what, count, limit) in counts {
@@ -105,6 +105,9 @@ const MAX_PARTS: usize = 1 << 24;
 fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), BuildError> {
     if form.material as usize >= materials {
         return Err(BuildError::Form { form: form.name.clone(), index, what: "its material does not exist" });
+    }
+    if form.copies.iter().any(|copy| !(copy.is_finite() && copy.inverse().is_finite())) {
+        return Err(BuildError::Form { form: form.name.clone(), index, what: "a copy is singular or not finite" });
     }
     if form.projection.is_some_and(|projection| !projection.is_sound()) {
         return Err(BuildError::Form {

@@ -3,7 +3,7 @@
 //! Everything is public and nothing is checked here; [`Scene::new`](crate::Scene::new) checks every number and index once.
 
 use freeform::Solid;
-use glam::{Vec2, Vec3};
+use glam::{DAffine3, Vec2, Vec3};
 
 use crate::{Camera, Environment, Noise, Projection, Texture};
 
@@ -50,7 +50,7 @@ pub struct Mesh {
     pub materials: Vec<u32>,
 }
 
-/// A free form with its material.
+/// A free form with its material, once or many times.
 #[derive(Debug, Clone)]
 pub struct FormObject {
     /// Name for messages.
@@ -61,6 +61,9 @@ pub struct FormObject {
     pub material: u32,
     /// How its texture coordinates are found; without it they are those of [`Solid::texture_coordinates`].
     pub projection: Option<Projection>,
+    /// Where copies of it stand: each carries the solid and its projection into the world, and is not singular. They share all that is derived from the solid. Without any the
+    /// solid stands once, where it is described.
+    pub copies: Vec<DAffine3>,
 }
 
 /// A surface as the sum of a diffuse and a specular part (paper, eq. 5), with emission and cut-out.

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use freeform::{Bounds, Solid};
 use glam::{Vec2, Vec3A};
 
+use crate::body::Body;
 use crate::projection::Projector;
 use crate::{Aabb, FormObject, Hit, Ray};
 
@@ -12,12 +12,13 @@ use crate::{Aabb, FormObject, Hit, Ray};
 #[derive(Debug)]
 pub(crate) struct Form {
     /// Shared with its light.
-    pub(crate) solid: Arc<Solid>,
+    pub(crate) body: Body,
     pub(crate) material: u32,
     /// `None` where it is unbounded.
     pub(crate) bounds: Option<Aabb>,
     pub(crate) cut_out: bool,
-    projector: Option<Projector>,
+    /// In the frame of the solid, so that all copies share it.
+    projector: Option<Arc<Projector>>,
 }
 
 /// A point on a free form.
@@ -36,15 +37,18 @@ const POSITION_ERROR: f32 = f32::EPSILON;
 const STEP: f64 = 1e-9;
 
 impl Form {
-    pub(crate) fn new(form: FormObject, cut_out: bool) -> Self {
-        let FormObject { solid, material, projection, .. } = form;
-        let bounds = match solid.bounds() {
-            Bounds::Finite { min, max } => {
-                Some(Aabb::around(min, max)).filter(|b| b.min.is_finite() && b.max.is_finite())
-            }
-            Bounds::Unbounded => None,
-        };
-        Self { solid: Arc::new(solid), material, bounds, cut_out, projector: projection.as_ref().map(Projector::new) }
+    /// Makes the form of each copy, all of one solid.
+    pub(crate) fn all(object: FormObject, cut_out: bool) -> impl Iterator<Item = Self> {
+        let FormObject { solid, material, projection, copies, .. } = object;
+        let solid = Arc::new(solid);
+        let projector = projection.as_ref().map(|projection| Arc::new(Projector::new(projection)));
+        let alone = copies.is_empty().then(|| Body::new(solid.clone()));
+        let copies = copies.into_iter().map(move |placement| Body::placed(solid.clone(), &placement));
+        alone.into_iter().chain(copies).map(move |body| {
+            let bounds = body.bounds().map(|(min, max)| Aabb::around(min, max));
+            let bounds = bounds.filter(|b| b.min.is_finite() && b.max.is_finite());
+            Self { body, material, bounds, cut_out, projector: projector.clone() }
+        })
     }
 
     /// Returns where the ray first crosses the surface, where `keep` says that it is there.
@@ -52,7 +56,7 @@ impl Form {
     pub(crate) fn first_hit(&self, primitive: u32, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let mut range = double_ray(ray);
         loop {
-            let crossing = self.solid.first_hit(&range)?;
+            let crossing = self.body.first_hit(&range)?;
             #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
             let t = crossing.t as f32;
             let hit = Hit { t, primitive, barycentrics: Vec2::new(crossing.part as f32, 0.0) };
@@ -68,36 +72,40 @@ impl Form {
 
     /// Returns the point where a ray hit the form.
     pub(crate) fn point(&self, ray: &Ray, hit: &Hit) -> FormPoint {
-        let t = hit.t;
+        let Self { body, projector, .. } = self;
+        let solid = body.solid();
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "the number of a part, from first_hit"
         )]
         let part = hit.barycentrics.x as u32;
-        let direction = ray.direction.as_dvec3();
-        let mut p = ray.origin.as_dvec3() + direction * f64::from(t);
+        let line = double_ray(ray);
+        let direction = body.local_vector(line.direction);
+        let mut t = f64::from(hit.t);
+        let mut local = body.local_point(line.at(t));
         // t was rounded: one step of Newton's method along the ray brings the point back to the surface.
-        let (value, gradient) = self.solid.first_order(part, p);
+        let (value, gradient) = solid.first_order(part, local);
         let step = -value / gradient.dot(direction);
-        let reach = f64::from(f32::EPSILON) * f64::from(t);
+        let reach = f64::from(f32::EPSILON) * t;
         if step.abs() <= reach {
-            p += direction * step;
+            t += step;
+            local += direction * step;
         }
-        let n = self.solid.normal_at(part, p, direction);
+        let n = solid.normal_at(part, local, direction);
         // What is still missing, to first order.
-        let (value, gradient) = self.solid.first_order(part, p);
-        let missed = (value / gradient.length()).abs();
+        let (value, gradient) = solid.first_order(part, local);
+        let missed = (value / body.world_normal(gradient).length()).abs();
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let missed = if missed <= reach { missed as f32 } else { (reach as f32).abs() };
-        let uv = match &self.projector {
-            Some(projector) => projector.coordinates(p, n),
-            None => self.solid.texture_coordinates(p),
+        let uv = match projector {
+            Some(projector) => projector.coordinates(local, n),
+            None => solid.texture_coordinates(local),
         };
-        let rounded = p.as_vec3a();
-        let n = n.as_vec3a().normalize_or(-ray.direction);
-        let p_error = rounded.abs().dot(n.abs()) * POSITION_ERROR + missed;
-        FormPoint { p: rounded, n, uv: uv.as_vec2(), p_error }
+        let p = line.at(t).as_vec3a();
+        let n = body.world_normal(n).as_vec3a().normalize_or(-ray.direction);
+        let p_error = p.abs().dot(n.abs()) * POSITION_ERROR + missed;
+        FormPoint { p, n, uv: uv.as_vec2(), p_error }
     }
 }
 

@@ -74,9 +74,9 @@ impl Scene {
         let triangles = Triangles::new(meshes);
         let forms: Vec<Form> = forms
             .into_iter()
-            .map(|form| {
+            .flat_map(|form| {
                 let cut_out = materials[form.material as usize].is_cut_out();
-                Form::new(form, cut_out)
+                Form::all(form, cut_out)
             })
             .collect();
         let primitives = primitives(&triangles, &forms, &materials);
@@ -270,17 +270,17 @@ impl Scene {
         self.triangles.len()
     }
 
-    /// Returns the number of free forms.
+    /// Returns the number of free forms, each copy counted.
     #[must_use]
     pub fn form_count(&self) -> usize {
         self.forms.len()
     }
 
-    /// Returns the free form of a primitive, `None` for a triangle.
+    /// Returns the free form of a primitive as it was described, `None` for a triangle. A copy of it stands elsewhere.
     #[must_use]
     pub fn form(&self, primitive: u32) -> Option<&Solid> {
         let index = (primitive as usize).checked_sub(self.triangles.len())?;
-        self.forms.get(index).map(|form| &*form.solid)
+        self.forms.get(index).map(|form| &**form.body.solid())
     }
 
     /// Returns the materials.
@@ -371,11 +371,13 @@ fn triangle_lights(triangles: &Triangles, materials: &[Material]) -> Vec<Triangl
 /// Returns the free forms that shine. Those without bounds and those with holes are left to chance: behind a hole light sampling would see no farther.
 fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<FormLight> {
     let first = triangles.len();
+    let shines = |form: &Form| materials[form.material as usize].is_emissive();
+    let count = forms.iter().filter(|form| shines(form)).count();
     let light = |(primitive, form): (usize, &Form)| {
         let material = &materials[form.material as usize];
         let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
-        let sampled = material.is_emissive() && !form.cut_out && form.bounds.is_some();
-        sampled.then(|| FormLight::new(&form.solid, material.emission, primitive)).flatten()
+        let sampled = shines(form) && !form.cut_out && form.bounds.is_some();
+        sampled.then(|| FormLight::new(&form.body, material.emission, primitive, count)).flatten()
     };
     (first..).zip(forms).filter_map(light).collect()
 }

@@ -1,7 +1,7 @@
 //! Surfaces as rays meet them: offsets, sides, normals, holes, free forms, and what is refused.
 
-use glam::{DVec3, UVec2, Vec2, Vec3, Vec3A};
-use scene::freeform::{FreeForm, Quadric, Solid};
+use glam::{DAffine3, DQuat, DVec3, UVec2, Vec2, Vec3, Vec3A};
+use scene::freeform::{FreeForm, Psi, Quadric, Solid};
 use scene::{
     BuildError, Camera, Description, FormObject, Material, Mesh, NO_INDEX, Noise, Pattern, Projection, Ray, Scene,
     SpecularKind, Surface, Texture,
@@ -39,7 +39,7 @@ fn built(meshes: Vec<Mesh>, material: Material) -> Scene {
 
 fn sphere(centre: DVec3, radius: f64, material: Material) -> Scene {
     let solid = Solid::from(FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form"));
-    let forms = vec![FormObject { name: "ball".into(), solid, material: 0, projection: None }];
+    let forms = vec![FormObject { name: "ball".into(), solid, material: 0, projection: None, copies: vec![] }];
     Scene::new(Description { forms, materials: vec![material], ..Description::default() }).expect("a right scene")
 }
 
@@ -220,7 +220,7 @@ fn projections_and_noise_color_free_forms() {
     let ball = |x: f64, material, projection| {
         let quadric = Quadric::sphere(DVec3::X * x, 0.5).expect("a sphere");
         let solid = Solid::from(FreeForm::new(quadric, vec![]).expect("a form"));
-        FormObject { name: String::new(), solid, material, projection }
+        FormObject { name: String::new(), solid, material, projection, copies: vec![] }
     };
     let forms = vec![
         ball(0.0, 0, Projection::planar(DVec3::X * -0.5, DVec3::X, DVec3::Y)),
@@ -283,9 +283,86 @@ fn free_forms_are_met_exactly_and_left_safely() {
 }
 
 #[test]
+fn copies_are_met_like_solids_that_were_moved() {
+    let ball = |x: f64, radius: f64| -> Solid {
+        FreeForm::new(Quadric::sphere(DVec3::X * x, radius).expect("a sphere"), vec![]).expect("a form").into()
+    };
+    let apple =
+        Solid::difference(Psi::Maximum, vec![ball(0.0, 1.0), ball(1.2, 0.5), ball(-0.9, 0.3)]).expect("three parts");
+    let copies: Vec<DAffine3> = (0..40)
+        .map(|i| {
+            let i = f64::from(i);
+            let turn = DQuat::from_rotation_y(i) * DQuat::from_rotation_x(0.7 * i);
+            // Some are mirrored, some flat, and all stand 10 km away.
+            let size = DVec3::new(
+                0.5 + 0.02 * i,
+                if i % 3.0 == 0.0 { -1.0 } else { 1.0 },
+                if i % 4.0 == 0.0 { 0.2 } else { 1.0 },
+            );
+            let place = DVec3::new(1e4 + 2.0 * (i % 7.0), 3.0 * (i / 7.0).floor(), i.sin());
+            DAffine3::from_scale_rotation_translation(size, turn, place)
+        })
+        .collect();
+    let projection = Some(Projection::cube(DVec3::ZERO, 0.4));
+    let object =
+        |solid: Solid, projection, copies| FormObject { name: String::new(), solid, material: 0, projection, copies };
+    let scene_of = |forms| {
+        Scene::new(Description { forms, materials: vec![Material::default()], ..Description::default() }).unwrap()
+    };
+    let moved = copies.iter().map(|copy| {
+        let solid = apple.transformed(copy).expect("not singular");
+        object(solid, projection.map(|projection: Projection| projection.transformed(copy)), vec![])
+    });
+    let moved = scene_of(moved.collect());
+    let scene = scene_of(vec![object(apple, projection, copies)]);
+    assert_eq!((scene.form_count(), scene.triangle_count()), (40, 0), "each copy counts");
+    let held = (
+        scene.bounds().min.cmple(moved.bounds().min + 1e-3).all(),
+        scene.bounds().max.cmpge(moved.bounds().max - 1e-3).all(),
+    );
+    assert_eq!(held, (true, true), "the box holds them");
+    let (mut random, mut hits) = (Random(21), 0);
+    for _ in 0..20_000 {
+        let aim = Vec3A::new(1e4 + 14.0 * random.next(), 18.0 * random.next(), 2.0 * random.next() - 1.0);
+        let outward = hemimap::square_to_uniform_hemisphere(random.pair());
+        let ray = Ray::new(aim + outward * 30.0, -outward);
+        let (Some(a), Some(b)) = (scene.intersect(&ray), moved.intersect(&ray)) else {
+            // Only a graze may differ.
+            let graze = scene.intersect(&ray).or(moved.intersect(&ray));
+            if let Some(hit) = graze {
+                let surface =
+                    if scene.intersect(&ray).is_some() { scene.surface(&ray, &hit) } else { moved.surface(&ray, &hit) };
+                assert!(surface.ng.dot(ray.direction).abs() < 1e-2, "a hit that only one of them has");
+            }
+            continue;
+        };
+        let (a, b) = (scene.surface(&ray, &a), moved.surface(&ray, &b));
+        hits += 1;
+        assert_eq!(a.primitive, b.primitive, "the same copy");
+        assert!((a.t - b.t).abs() < 1e-3 * (1.0 + 1.0 / a.ng.dot(ray.direction).abs()), "{} and {}", a.t, b.t);
+        // Where two parts meet, rounding may choose the other one.
+        if a.ng.dot(b.ng) > 0.999 {
+            assert!(a.front == b.front && (a.p - b.p).length() < 2e-2, "{} and {}", a.p, b.p);
+            assert!((a.uv - b.uv).abs().max_element() < 2e-2 || a.ng.dot(b.ng) < 0.99999, "{} and {}", a.uv, b.uv);
+        }
+        assert!(!scene.occluded(&Ray { t_max: 1e-2, ..a.spawn(a.ng) }), "rays leave it");
+    }
+    assert!(hits > 4000, "enough of them hit: {hits}");
+    let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+    let description = Description {
+        forms: vec![object(ball(0.0, 1.0), None, vec![flat])],
+        materials: vec![Material::default()],
+        ..Description::default()
+    };
+    let error = Scene::new(description).map(|_| ()).unwrap_err().to_string();
+    assert_eq!(error, "free form \"\" (0): a copy is singular or not finite", "no thickness");
+}
+
+#[test]
 fn unbounded_forms_stand_beside_the_tree() {
     let ground = Solid::from(FreeForm::new(Quadric::half_space(DVec3::ZERO, DVec3::Y).unwrap(), vec![]).unwrap());
-    let forms = vec![FormObject { name: "ground".into(), solid: ground, material: 0, projection: None }];
+    let forms =
+        vec![FormObject { name: "ground".into(), solid: ground, material: 0, projection: None, copies: vec![] }];
     let meshes = vec![quad(Vec3::Y, Vec3::Z, Vec3::X)];
     let scene =
         Scene::new(Description { forms, meshes, materials: vec![Material::default()], ..Description::default() })

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::{DVec3, Vec2, Vec3, Vec3A};
+use glam::{DAffine3, DVec3, Vec2, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Psi, Quadric, Solid};
 use scene::{Description, Environment, FormObject, Lights, Material, Mesh, PunctualLight, Ray, Scene};
 
@@ -122,7 +122,7 @@ fn far_small_and_thin_lights_are_exact() {
 
 /// A scene of free forms that shine with radiance 1.
 fn form_lights(solids: Vec<Solid>) -> Scene {
-    let form = |solid| FormObject { name: String::new(), solid, material: 0, projection: None };
+    let form = |solid| FormObject { name: String::new(), solid, material: 0, projection: None, copies: vec![] };
     let forms = solids.into_iter().map(form).collect();
     Scene::new(Description { forms, materials: vec![emitter(1.0)], ..Description::default() }).expect("a right scene")
 }
@@ -163,6 +163,29 @@ fn irradiance_of_free_forms_is_known() {
         0.0,
         "its inside is dark"
     );
+    // A copy is the same light elsewhere: an ellipsoid that a copy makes a ball, and the box, moved in from afar.
+    let forms = |solid: &Solid, copy: DAffine3| FormObject {
+        name: String::new(),
+        solid: solid.clone(),
+        material: 0,
+        projection: None,
+        copies: vec![copy],
+    };
+    let flat = FreeForm::new(Quadric::ellipsoid(DVec3::X, DVec3::new(1.0, 0.25, 1.0)).expect("sound"), vec![])
+        .expect("sound")
+        .into();
+    let to_ball =
+        DAffine3::from_translation(DVec3::new(-1.0, 0.0, 2.0)) * DAffine3::from_scale(DVec3::new(1.0, 4.0, 1.0));
+    let turned = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
+    for (form, expected, what) in [
+        (forms(&flat, to_ball), pi / 4.0, "ball"),
+        (forms(scene.form(0).expect("the box"), turned.inverse() * turned), 1.740_839_502_734, "box"),
+    ] {
+        let scene =
+            Scene::new(Description { forms: vec![form], materials: vec![emitter(1.0)], ..Description::default() })
+                .unwrap();
+        assert_irradiance(scene.lights(), Vec3A::Z, expected, 1.0, &format!("the copy of a {what}"));
+    }
     // Several lights together.
     let scene =
         form_lights(vec![ball(DVec3::Z * 2.0, 1.0), ball(DVec3::Z * 20.0, 10.0), ball(DVec3::new(8.0, 0.0, 6.0), 2.0)]);
@@ -180,8 +203,8 @@ fn irradiance_of_free_forms_is_known() {
 fn densities_of_free_forms_are_those_of_their_samples() {
     // A light that is only a part of its region: the density over the directions that meet it is the share of samples that do.
     let bar = Solid::cuboid(DVec3::new(-1.0, -0.1, -0.1), DVec3::new(1.0, 0.1, 0.1)).expect("a box");
-    let turned = glam::DAffine3::from_axis_angle(DVec3::ONE.normalize(), 0.8);
-    let bar = bar.transformed(&(glam::DAffine3::from_translation(DVec3::Z * 2.0) * turned)).expect("not singular");
+    let turned = DAffine3::from_axis_angle(DVec3::ONE.normalize(), 0.8);
+    let bar = bar.transformed(&(DAffine3::from_translation(DVec3::Z * 2.0) * turned)).expect("not singular");
     let ellipsoid = Quadric::ellipsoid(DVec3::new(0.0, 1.0, 2.5), DVec3::new(0.2, 0.4, 0.9)).expect("sound");
     let ellipsoid = Solid::from(FreeForm::new(ellipsoid, vec![]).expect("sound"));
     for (solids, what) in [(vec![bar], "bar"), (vec![ellipsoid], "ellipsoid"), (vec![shell(DVec3::X * 0.5)], "shell")] {

@@ -191,6 +191,46 @@ fn projections_and_noise_load() {
 }
 
 #[test]
+fn repeated_forms_stand_in_rows_and_at_random_turns() {
+    let form = |repeat: &str| {
+        let text = format!(
+            "[[form]]\nquadric.ellipsoid = {{ center = [0.5, 0, 0], radii = [0.5, 0.2, 0.2] }}\nrotate = [0, 90, 0]\ntranslate = [1, 2, 3]\nrepeat = {{ {repeat} }}\n"
+        );
+        loaded(&text).description.forms.remove(0)
+    };
+    // The form reaches from (1, 2, 3) a metre along -z.
+    let tip = DVec3::new(1.0, 2.0, 2.0);
+    let plain = form("count = [2, 1, 3], step = [10, 20, 30]");
+    assert!(
+        plain.solid.value(tip + DVec3::Z * 0.01) > 0.0 && plain.solid.value(tip - DVec3::Z * 0.01) < 0.0,
+        "where it is"
+    );
+    let tips: Vec<DVec3> = plain.copies.iter().map(|copy| copy.transform_point3(tip)).collect();
+    let expected = [(0.0, 0.0), (10.0, 0.0), (0.0, 30.0), (10.0, 30.0), (0.0, 60.0), (10.0, 60.0)];
+    let expected: Vec<DVec3> = expected.map(|(x, z)| tip + DVec3::new(x, 0.0, z)).to_vec();
+    assert_eq!(tips, expected, "along x, then z, the first in its place");
+    let text = "count = [30, 30, 1], step = [10, 10, 10], jitter = [1, 0, 2], turn = [0, 180, 0], size = [0.5, 2]";
+    let wild = form(text);
+    let (mut low, mut high, mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY, f64::INFINITY, 0.0_f64);
+    for (index, copy) in (0..900).zip(&wild.copies) {
+        let place = DVec3::new(1.0, 2.0, 3.0) + DVec3::new(f64::from(index % 30), f64::from(index / 30), 0.0) * 10.0;
+        let shift = copy.transform_point3(DVec3::new(1.0, 2.0, 3.0)) - place;
+        let axis = copy.transform_vector3(tip - DVec3::new(1.0, 2.0, 3.0));
+        (low, high) = (low.min(shift), high.max(shift));
+        (least, most) = (least.min(axis.length()), most.max(axis.length()));
+        assert!(axis.y.abs() < 1e-12, "turned about y alone: {axis}");
+    }
+    assert!(
+        low.cmpge(DVec3::new(-1.0, -1e-9, -2.0)).all() && high.cmple(DVec3::new(1.0, 1e-9, 2.0)).all(),
+        "{low} {high}"
+    );
+    assert!(low.x < -0.95 && low.z < -1.9 && high.x > 0.95 && high.z > 1.9, "all of the jitter is used: {low} {high}");
+    assert!((0.5..0.52).contains(&least) && (1.98..2.0).contains(&most), "and all sizes: {least} to {most}");
+    assert_eq!(wild.copies, form(text).copies, "the same again");
+    assert_ne!(wild.copies, form(&format!("{text}, seed = 1")).copies, "another seed, other copies");
+}
+
+#[test]
 fn faults_are_refused_by_line_and_field() {
     for (text, line, part) in [
         ("[camera]\neye = [0, 0, 1]\nat = [0, 0, 0]\nfovv = 3", 4, "unknown field 'fovv'; write 'fov'"),
@@ -308,6 +348,34 @@ fn faults_are_refused_by_line_and_field() {
             "clouds with a dist",
         ),
         ("[[material]]\nname = \"a\"\nnoise = { pattern = \"wood\", size = 1, seed = 0.5 }", 3, "seed: invalid type"),
+        ("[[form]]\nrepeat = { count = [1, 0, 1], step = [1, 1, 1] }", 2, "count: 0 at index 1 is out of range"),
+        ("[[form]]\nrepeat = { count = [1, 1.5, 1], step = [1, 1, 1] }", 2, "count: 1.5 is not a whole number"),
+        ("[[form]]\nrepeat = { count = [1, 1, 1] }", 2, "missing field `step`"),
+        (
+            "[[form]]\nrepeat = { count = [1, 1, 1], step = [1, 1, 1], size = [2, 1] }",
+            2,
+            "size: from 2 to 1; give the smaller",
+        ),
+        (
+            "[[form]]\nrepeat = { count = [1, 1, 1], step = [1, 1, 1], sied = 1 }",
+            2,
+            "unknown field 'sied'; write 'seed'",
+        ),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nrepeat = { count = [4194304, 4194304, 4194304], step = [1, 1, 1] }",
+            3,
+            "copies, more than the limit of 4194304; lower a count",
+        ),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nrepeat = { count = [101, 1, 1], step = [1e7, 1, 1] }",
+            3,
+            "repeated beyond the limit of 1e9 metres",
+        ),
+        (
+            "[[form]]\nquadric.plane = { point = [0, 0, 0], normal = [0, 1, 0] }\nrepeat = { count = [1, 2, 1], step = [1, 1, 1] }",
+            3,
+            "an unbounded form repeated; clip it",
+        ),
         ("[[form]]\nprojection.sphere = { }", 2, "unknown field 'sphere'; write 'spherical'"),
         ("[[form]]\nprojection.planar = { right = [1, 0, 0] }", 2, "missing field `up`"),
         ("[[form]]\nprojection.box = { size = 0 }", 2, "size: 0 is out of range"),

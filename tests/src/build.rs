@@ -112,7 +112,13 @@ impl Builder {
     #[must_use]
     pub fn solid(mut self, solid: Solid, material: Material) -> Self {
         let material = self.material(material);
-        self.description.forms.push(FormObject { name: String::new(), solid, material, projection: None });
+        self.description.forms.push(FormObject {
+            name: String::new(),
+            solid,
+            material,
+            projection: None,
+            copies: vec![],
+        });
         self
     }
 

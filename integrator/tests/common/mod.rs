@@ -81,7 +81,13 @@ impl Builder {
     fn form(mut self, base: Quadric, material: Material) -> Self {
         let solid = Solid::from(FreeForm::new(base, Vec::new()).expect("a form"));
         let material = self.material(material);
-        self.description.forms.push(scene::FormObject { name: String::new(), solid, material, projection: None });
+        self.description.forms.push(scene::FormObject {
+            name: String::new(),
+            solid,
+            material,
+            projection: None,
+            copies: vec![],
+        });
         self
     }
 

@@ -10,7 +10,7 @@ use super::schema::{
     CameraTable, EnvironmentTable, FormTable, LightTable, MaterialTable, MeshTable, NoiseTable, PatternName,
 };
 use super::values::{Angles, Point, Scale};
-use super::{Source, forms};
+use super::{Source, forms, repeat};
 use crate::description::{FormObject, Material, Mesh, PunctualLight, SpecularKind};
 use crate::load::error::{LoadError, Place, nearest, quoted};
 use crate::load::files::check_name;
@@ -212,7 +212,7 @@ fn form(
     source: &Source,
 ) -> Result<FormObject, LoadError> {
     let place = source.place(table.span());
-    let FormTable { name, material, .. } = table.get_ref();
+    let FormTable { name, material, repeat, translate, .. } = table.get_ref();
     check_name(name, place)?;
     let solid = forms::solid(table, source)?;
     let projection = forms::projection(table.get_ref(), source)?;
@@ -224,7 +224,9 @@ fn form(
     if shines && matches!(solid.bounds(), Bounds::Unbounded) {
         return Err(place.invalid("an unbounded form that shines", "bound it, or give it a material without emission"));
     }
-    Ok(FormObject { name: name.clone(), solid, material, projection })
+    let center = translate.map_or(DVec3::ZERO, |point| point.0);
+    let copies = repeat.as_ref().map(|table| repeat::copies(table, &solid, center, source)).transpose()?;
+    Ok(FormObject { name: name.clone(), solid, material, projection, copies: copies.unwrap_or_default() })
 }
 
 fn mesh(

@@ -3,6 +3,7 @@
 mod build;
 mod forms;
 mod message;
+mod repeat;
 mod schema;
 mod values;
 

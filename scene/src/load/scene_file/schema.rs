@@ -6,8 +6,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::values::{
-    Alpha, Amount, Angles, Coefficients, Direction, Distortion, Exposure, Factor, FieldOfView, FilmSize, Fraction,
-    Index, Length, NoiseSize, Octaves, Point, Quality, Radii, Real, Scale, Share, Spp, Uv,
+    Alpha, Amount, Angles, Coefficients, Counts, Direction, Distortion, Exposure, Factor, FieldOfView, FilmSize,
+    Fraction, Index, Length, NoiseSize, Octaves, Point, Quality, Radii, Real, Scale, Share, Sizes, Spp, Uv,
 };
 
 /// A whole file.
@@ -148,9 +148,23 @@ pub(super) struct FormTable {
     pub(super) psi: Option<PsiTable>,
     pub(super) clip: Option<Spanned<ClipTable>>,
     pub(super) projection: Option<Spanned<ProjectionTable>>,
+    pub(super) repeat: Option<Spanned<RepeatTable>>,
     pub(super) scale: Option<Scale>,
     pub(super) rotate: Option<Angles>,
     pub(super) translate: Option<Point>,
+}
+
+/// Copies of a form.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RepeatTable {
+    pub(super) count: Counts,
+    pub(super) step: Point,
+    pub(super) jitter: Option<Point>,
+    pub(super) turn: Option<Angles>,
+    pub(super) size: Option<Sizes>,
+    #[serde(default)]
+    pub(super) seed: u64,
 }
 
 /// How a form gets its texture coordinates.

@@ -124,6 +124,13 @@ numbers! {
     };
     /// Angles about x, y and z, degrees.
     Angles(DVec3) = |n| n.array::<3>(-3600.0, 3600.0).map(DVec3::from_array);
+    /// Numbers of copies along x, y and z.
+    Counts([u32; 3]) = counts;
+    /// The least and the largest of random factors.
+    Sizes([f64; 2]) = |n| {
+        let [least, most] = n.array::<2>(1e-6, 1e6)?;
+        if least <= most { Ok([least, most]) } else { Err(format!("from {least} to {most}; give the smaller one first")) }
+    };
     /// Shares of light, linear RGB.
     Share(Vec3) = |n| n.triple(0.0, 1.0).map(|v| v.as_vec3());
     /// Light, linear RGB, or an absorption coefficient.
@@ -158,6 +165,12 @@ numbers! {
     Coefficients([f64; 10]) = |n| n.array::<10>(-MOST, MOST);
     /// The size of a film, pixels.
     FilmSize(UVec2) = film_size;
+}
+
+fn counts(numbers: Numbers) -> Result<[u32; 3], String> {
+    let [x, y, z] = numbers.array::<3>(1.0, limits::COPIES as f64)?;
+    let count = |n| whole(n).map_err(|error| format!("{error}; give numbers of copies"));
+    Ok([count(x)?, count(y)?, count(z)?])
 }
 
 fn spp(numbers: Numbers) -> Result<u32, String> {
