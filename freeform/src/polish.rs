@@ -10,7 +10,7 @@ pub(crate) fn polish(
     (mut lo, mut s, mut hi): (f64, f64, f64),
     inside: bool,
     tolerance: f64,
-    function: impl Fn(f64) -> (f64, f64),
+    mut function: impl FnMut(f64) -> (f64, f64),
 ) -> f64 {
     let mut last_step = hi - lo;
     for _ in 0..STEPS_MAX {
