@@ -4,6 +4,7 @@
 #[path = "../../reproject/tests/rooms/mod.rs"]
 pub mod rooms;
 
+pub mod bodies;
 pub mod gathers;
 
 use glam::Vec3A;
