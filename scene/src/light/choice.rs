@@ -33,6 +33,12 @@ impl Choice {
         (index < self.sums.len()).then(|| (index, self.probability(index)))
     }
 
+    /// Returns the probability of all before one.
+    #[inline]
+    pub(super) fn before(&self, index: usize) -> f64 {
+        if index == 0 { 0.0 } else { self.sums.get(index - 1).copied().unwrap_or(0.0) }
+    }
+
     /// Returns the probability of one.
     #[inline]
     pub(super) fn probability(&self, index: usize) -> f32 {

@@ -20,7 +20,7 @@ use hemimap::double::Frame;
 use super::region::Region;
 use super::{Emission, LightSample};
 use crate::body::Body;
-use crate::{Ray, surface};
+use crate::{Aabb, Ray, surface};
 
 /// An emissive free form.
 #[derive(Debug, Clone)]
@@ -76,6 +76,11 @@ impl FormLight {
         #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
         let area = self.area as f32;
         self.radiance * (std::f32::consts::PI * area)
+    }
+
+    /// Returns a box around it.
+    pub(super) fn bounds(&self) -> Aabb {
+        Aabb::around(self.centre - self.radius, self.centre + self.radius)
     }
 
     #[inline]

@@ -1,13 +1,16 @@
 //! What shines, and how to find it: choosing a light for a point, and light for a photon.
 //!
-//! A light is chosen in proportion to its flux, then a direction to it. Everything that a ray can also meet by chance has a density that
+//! A light is chosen, then a direction to it. One is chosen by its flux; among several at hand by a tree that knows what may reach the point, while those
+//! at infinity keep to their flux. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has a density that
 //! [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
 
 mod choice;
 mod environment;
 mod form;
 mod punctual;
+mod rectangle;
 mod region;
+mod tree;
 mod triangle;
 
 use glam::{Vec2, Vec3, Vec3A};
@@ -16,21 +19,37 @@ use crate::{Aabb, Environment, PunctualLight, Ray, Surface};
 use choice::Choice;
 use environment::EnvironmentLight;
 pub(crate) use form::FormLight;
+use rectangle::RectangleLight;
+use tree::{Emitter, LightTree};
 pub(crate) use triangle::TriangleLight;
 
 /// All lights of a scene.
 #[derive(Debug, Clone)]
 pub struct Lights {
-    /// In the order of their primitives.
+    /// In the order of their primitives, as are triangles and forms.
+    rectangles: Vec<RectangleLight>,
     triangles: Vec<TriangleLight>,
-    /// In the order of their primitives, too.
     forms: Vec<FormLight>,
+    /// Point lights, then directional ones.
     punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentLight>,
-    /// Over triangles, then forms, then punctual lights, then the environment.
+    /// Over rectangles, then triangles, forms, punctual lights and the environment.
     choice: Choice,
+    /// Over what is not at infinity, where that is more than one light.
+    tree: Option<LightTree>,
+    /// Number of lights that are not at infinity: the first ones.
+    near_count: usize,
     total_flux: Vec3,
     surroundings: Sphere,
+}
+
+/// One of the lights.
+enum Light<'a> {
+    Rectangle(&'a RectangleLight),
+    Triangle(&'a TriangleLight),
+    Form(&'a FormLight),
+    Punctual(&'a PunctualLight),
+    Environment(&'a EnvironmentLight),
 }
 
 /// A direction to a light, chosen by [`Lights::sample`].
@@ -75,26 +94,35 @@ impl Lights {
     ) -> Self {
         let radius = bounds.radius();
         let surroundings = Sphere { centre: bounds.centre().into(), radius: if radius > 0.0 { radius } else { 1.0 } };
-        let punctual: Vec<_> = punctual.into_iter().map(punctual::normalised).collect();
-        let environment = environment.and_then(EnvironmentLight::new);
-        Self::from_parts(triangles, forms, punctual, environment, surroundings)
+        let (rectangles, triangles) = join_rectangles(triangles);
+        let is_point = |light: &PunctualLight| matches!(light, PunctualLight::Point { .. });
+        let (points, others): (Vec<_>, Vec<_>) = punctual.into_iter().map(punctual::normalised).partition(is_point);
+        let near_count = rectangles.len() + triangles.len() + forms.len() + points.len();
+        let mut lights = Self {
+            rectangles,
+            triangles,
+            forms,
+            punctual: points.into_iter().chain(others).collect(),
+            environment: environment.and_then(EnvironmentLight::new),
+            choice: Choice::default(),
+            tree: None,
+            near_count,
+            total_flux: Vec3::ZERO,
+            surroundings,
+        };
+        if near_count > 1 {
+            let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
+            lights.tree = Some(LightTree::new(&emitters));
+        }
+        lights.weigh();
+        lights
     }
 
-    fn from_parts(
-        triangles: Vec<TriangleLight>,
-        forms: Vec<FormLight>,
-        punctual: Vec<PunctualLight>,
-        environment: Option<EnvironmentLight>,
-        surroundings: Sphere,
-    ) -> Self {
-        let fluxes = (triangles.iter().map(TriangleLight::flux))
-            .chain(forms.iter().map(FormLight::flux))
-            .chain(punctual.iter().map(|light| punctual::flux(light, &surroundings)))
-            .chain(environment.iter().map(|light| light.flux(&surroundings)));
-        let fluxes: Vec<Vec3> = fluxes.collect();
-        let choice = Choice::new(fluxes.iter().map(|flux| flux.as_dvec3().element_sum()));
-        let total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
-        Self { triangles, forms, punctual, environment, choice, total_flux, surroundings }
+    /// Sets what follows from the fluxes.
+    fn weigh(&mut self) {
+        let fluxes: Vec<Vec3> = (0..self.count()).map(|index| self.light(index).flux(&self.surroundings)).collect();
+        self.choice = Choice::new(fluxes.iter().map(|flux| flux.as_dvec3().element_sum()));
+        self.total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
     }
 
     /// Whether nothing shines that could be chosen.
@@ -109,15 +137,16 @@ impl Lights {
     /// weight is 0 no direction is sampled.
     #[must_use]
     pub fn with_environment_weight(&self, weight: impl Fn(Vec3) -> Vec3) -> Self {
-        let environment = self.environment.as_ref().and_then(|light| light.weighted(weight));
-        let (triangles, forms) = (self.triangles.clone(), self.forms.clone());
-        Self::from_parts(triangles, forms, self.punctual.clone(), environment, self.surroundings)
+        let mut lights = self.clone();
+        lights.environment = self.environment.as_ref().and_then(|light| light.weighted(weight));
+        lights.weigh();
+        lights
     }
 
-    /// Returns the number of lights: emissive triangles and free forms, point and directional lights, and the environment.
+    /// Returns the number of lights: emissive triangles (two that make a rectangle are one) and free forms, point and directional lights, and the environment.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.triangles.len() + self.forms.len() + self.punctual.len() + usize::from(self.environment.is_some())
+        self.near_count + self.punctual.len() - self.point_count() + usize::from(self.environment.is_some())
     }
 
     /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene.
@@ -132,15 +161,13 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn sample(&self, p: Vec3A, n: Vec3A, u_choice: f32, u: Vec2) -> Option<LightSample> {
-        let (index, probability) = self.choice.sample(u_choice)?;
-        let sample = if let Some(light) = self.triangles.get(index) {
-            light.sample(p, u, probability)?
-        } else if let Some(light) = self.forms.get(index - self.triangles.len()) {
-            light.sample(p, n, u, probability)?
-        } else if let Some(light) = self.punctual.get(index - self.triangles.len() - self.forms.len()) {
-            punctual::sample(light, p, probability)?
-        } else {
-            self.environment.as_ref()?.sample(u, probability)?
+        let (index, probability) = self.choose(p, u_choice)?;
+        let sample = match self.light(index) {
+            Light::Rectangle(light) => light.sample(p, u, probability)?,
+            Light::Triangle(light) => light.sample(p, u, probability)?,
+            Light::Form(light) => light.sample(p, n, u, probability)?,
+            Light::Punctual(light) => punctual::sample(light, p, probability)?,
+            Light::Environment(light) => light.sample(u, probability)?,
         };
         (n.dot(sample.wi) > 0.0).then_some(sample)
     }
@@ -154,12 +181,21 @@ impl Lights {
         if !surface.front {
             return 0.0;
         }
-        match self.triangles.binary_search_by_key(&surface.primitive, |light| light.primitive) {
-            Ok(index) => self.triangles[index].pdf(p, wi, surface) * self.choice.probability(index),
-            Err(_) => match self.forms.binary_search_by_key(&surface.primitive, |light| light.primitive) {
-                Ok(index) => self.forms[index].pdf(p, wi) * self.choice.probability(self.triangles.len() + index),
-                Err(_) => 0.0,
-            },
+        let primitive = surface.primitive;
+        let rectangle = self.rectangles.partition_point(|light| light.primitive <= primitive).wrapping_sub(1);
+        if let Some(light) = self.rectangles.get(rectangle)
+            && primitive - light.primitive < 2
+        {
+            return light.pdf(p, wi, surface) * self.probability(p, rectangle);
+        }
+        if let Ok(index) = self.triangles.binary_search_by_key(&primitive, |light| light.primitive) {
+            return self.triangles[index].pdf(p, wi, surface) * self.probability(p, self.rectangles.len() + index);
+        }
+        match self.forms.binary_search_by_key(&primitive, |light| light.primitive) {
+            Ok(index) => {
+                self.forms[index].pdf(p, wi) * self.probability(p, self.rectangles.len() + self.triangles.len() + index)
+            }
+            Err(_) => 0.0,
         }
     }
 
@@ -178,17 +214,63 @@ impl Lights {
     #[must_use]
     pub fn emit(&self, u_choice: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (index, probability) = self.choice.sample(u_choice)?;
-        let mut emission = if let Some(light) = self.triangles.get(index) {
-            light.emit(u_position, u_direction)
-        } else if let Some(light) = self.forms.get(index - self.triangles.len()) {
-            light.emit(self.choice.rest(u_choice, index), u_position, u_direction)?
-        } else if let Some(light) = self.punctual.get(index - self.triangles.len() - self.forms.len()) {
-            punctual::emit(light, &self.surroundings, u_position, u_direction)
-        } else {
-            self.environment.as_ref()?.emit(&self.surroundings, u_position, u_direction)?
+        let mut emission = match self.light(index) {
+            Light::Rectangle(light) => light.emit(u_position, u_direction),
+            Light::Triangle(light) => light.emit(u_position, u_direction),
+            Light::Form(light) => light.emit(self.choice.rest(u_choice, index), u_position, u_direction)?,
+            Light::Punctual(light) => punctual::emit(light, &self.surroundings, u_position, u_direction),
+            Light::Environment(light) => light.emit(&self.surroundings, u_position, u_direction)?,
         };
         emission.flux /= probability;
         Some(emission)
+    }
+
+    /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability.
+    #[inline]
+    fn choose(&self, p: Vec3A, u: f32) -> Option<(usize, f32)> {
+        if let Some(tree) = &self.tree {
+            let near = self.choice.before(self.near_count);
+            if f64::from(u) < near {
+                let (index, probability) = tree.sample(p, f64::from(u) / near)?;
+                return Some((index, probability * narrow(near)));
+            }
+        }
+        self.choice.sample(u)
+    }
+
+    /// Returns the probability with which [`Lights::choose`] takes a light for the point `p`.
+    #[inline]
+    fn probability(&self, p: Vec3A, index: usize) -> f32 {
+        match &self.tree {
+            Some(tree) if index < self.near_count => {
+                tree.probability(p, index) * narrow(self.choice.before(self.near_count))
+            }
+            _ => self.choice.probability(index),
+        }
+    }
+
+    /// Returns the light of an index below [`Lights::count`].
+    #[inline]
+    fn light(&self, index: usize) -> Light<'_> {
+        if let Some(light) = self.rectangles.get(index) {
+            return Light::Rectangle(light);
+        }
+        let index = index - self.rectangles.len();
+        if let Some(light) = self.triangles.get(index) {
+            return Light::Triangle(light);
+        }
+        let index = index - self.triangles.len();
+        if let Some(light) = self.forms.get(index) {
+            return Light::Form(light);
+        }
+        match self.punctual.get(index - self.forms.len()) {
+            Some(light) => Light::Punctual(light),
+            None => Light::Environment(self.environment.as_ref().expect("what is no other light is the environment")),
+        }
+    }
+
+    fn point_count(&self) -> usize {
+        self.near_count - self.rectangles.len() - self.triangles.len() - self.forms.len()
     }
 
     /// Returns the radiance of the surroundings.
@@ -199,11 +281,13 @@ impl Lights {
 
     /// Returns the memory held, bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.triangles.capacity() * size_of::<TriangleLight>()
+        self.rectangles.capacity() * size_of::<RectangleLight>()
+            + self.triangles.capacity() * size_of::<TriangleLight>()
             + self.forms.capacity() * size_of::<FormLight>()
             + self.punctual.capacity() * size_of::<PunctualLight>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
             + self.choice.memory_bytes()
+            + self.tree.as_ref().map_or(0, LightTree::memory_bytes)
     }
 
     pub(crate) fn has_environment(&self) -> bool {
@@ -215,8 +299,58 @@ impl Lights {
     }
 
     pub(crate) fn has_area(&self) -> bool {
-        !(self.triangles.is_empty() && self.forms.is_empty())
+        !(self.rectangles.is_empty() && self.triangles.is_empty() && self.forms.is_empty())
     }
+}
+
+impl Light<'_> {
+    fn flux(&self, surroundings: &Sphere) -> Vec3 {
+        match self {
+            Self::Rectangle(light) => light.flux(),
+            Self::Triangle(light) => light.flux(),
+            Self::Form(light) => light.flux(),
+            Self::Punctual(light) => punctual::flux(light, surroundings),
+            Self::Environment(light) => light.flux(surroundings),
+        }
+    }
+
+    /// Returns what the tree must know of a light that is not at infinity.
+    fn emitter(&self) -> Emitter {
+        let (bounds, flux, normal) = match self {
+            Self::Rectangle(light) => (light.bounds(), light.flux(), Some(light.normal())),
+            Self::Triangle(light) => (Aabb::of_points(&light.corners), light.flux(), Some(light.normal)),
+            Self::Form(light) => (light.bounds(), light.flux(), None),
+            Self::Punctual(PunctualLight::Point { position, intensity }) => {
+                (Aabb { min: *position, max: *position }, *intensity * (4.0 * std::f32::consts::PI), None)
+            }
+            Self::Punctual(PunctualLight::Directional { .. }) | Self::Environment(_) => {
+                unreachable!("lights at infinity are in no tree")
+            }
+        };
+        let flux = flux.element_sum() * if normal.is_some() { 1.0 } else { 0.25 };
+        Emitter { bounds, flux, normal }
+    }
+}
+
+/// Joins neighbours that make a rectangle; the rest stays as it is. Both are in the order of their primitives.
+fn join_rectangles(triangles: Vec<TriangleLight>) -> (Vec<RectangleLight>, Vec<TriangleLight>) {
+    let (mut rectangles, mut single) = (Vec::new(), Vec::new());
+    let mut rest = triangles.into_iter().peekable();
+    while let Some(triangle) = rest.next() {
+        match rest.peek().and_then(|next| RectangleLight::join(&triangle, next)) {
+            Some(rectangle) => {
+                rest.next();
+                rectangles.push(rectangle);
+            }
+            None => single.push(triangle),
+        }
+    }
+    (rectangles, single)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a probability, rounded to f32")]
+fn narrow(x: f64) -> f32 {
+    x as f32
 }
 
 impl Sphere {

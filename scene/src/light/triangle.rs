@@ -16,14 +16,14 @@ use crate::{Ray, Surface, surface};
 /// An emissive triangle.
 #[derive(Debug, Clone)]
 pub(crate) struct TriangleLight {
-    corners: [Vec3; 3],
+    pub(super) corners: [Vec3; 3],
     /// Unit normal of the front.
-    normal: Vec3A,
+    pub(super) normal: Vec3A,
     area: f32,
     /// Length of the longest edge, squared.
     size_sq: f32,
     /// Radiance, W m^-2 sr^-1.
-    radiance: Vec3,
+    pub(super) radiance: Vec3,
     /// Its index among the scene's primitives.
     pub(super) primitive: u32,
 }
@@ -109,13 +109,8 @@ impl TriangleLight {
     }
 
     pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {
-        let frame = hemimap::Frame::from_normal(self.normal);
-        let direction = frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction));
-        let p = self.point(u_position);
         let largest = self.corners.iter().fold(Vec3::ZERO, |largest, corner| largest.max(corner.abs()));
-        let p_error = Vec3A::from(largest).dot(self.normal.abs()) * POSITION_ERROR;
-        let origin = surface::offset(p, self.normal, p_error, direction);
-        Emission { ray: Ray::new(origin, direction), flux: self.flux() }
+        leave(self.point(u_position), self.normal, largest.into(), u_direction, self.flux())
     }
 
     /// Returns a point that is uniform over the area.
@@ -136,6 +131,14 @@ impl TriangleLight {
         }
         SphericalTriangle::new(self.corners.map(|corner| corner.as_dvec3() - p.as_dvec3()))
     }
+}
+
+/// Starts a photon at the point `p` of a flat light whose coordinates are at most `largest`, in a direction of density cos(theta) / pi.
+pub(super) fn leave(p: Vec3A, normal: Vec3A, largest: Vec3A, u_direction: Vec2, flux: Vec3) -> Emission {
+    let frame = hemimap::Frame::from_normal(normal);
+    let direction = frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction));
+    let p_error = largest.dot(normal.abs()) * POSITION_ERROR;
+    Emission { ray: Ray::new(surface::offset(p, normal, p_error, direction), direction), flux }
 }
 
 /// A triangle on the unit sphere.

@@ -1,0 +1,386 @@
+//! A tree of lights: one of very many is chosen by what it may contribute at a point, in logarithmic time.
+//!
+//! ```text
+//! importance = flux max(0, cos(theta - theta_o - theta_b)) / (d^2 + r^2 / 20),    inside of the sphere 2 flux / (d^2 + r^2 / 20)
+//! ```
+//!
+//! d is the distance to the centre of the sphere around a node's lights and r its radius; theta the angle between the axis of their
+//! normals and the direction to the point, theta_o that within which these normals lie, theta_b half of that under which the sphere is seen. From the root on,
+//! one of two children is taken in proportion to it, so that what cannot shine to the point is never taken. The normal at the point is left
+//! out: a ray that meets a light by chance must know the density with no more than the point it came from.
+//!
+//! # Source
+//! Conty Estevez, Kulla 2018: Importance Sampling of Many Lights with Adaptive Tree Splitting. The walk from a light to the root is that of Pharr, Jakob, Humphreys
+//! 2023: Physically Based Rendering, 4th edition, 12.6.3. We depart in that nothing is split: one light is taken;
+//! and in the denominator, which is max(d, r)^2 there: with 10,000 lamps in a hall that let a sample deviate by 2.8 times the mean, and ours by 1.0, for the
+//! one lamp beside the point is found only if the large nodes around it weigh more than those without.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use glam::Vec3A;
+
+use crate::Aabb;
+
+/// A light as the tree sees it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Emitter {
+    pub(super) bounds: Aabb,
+    /// Flux, summed over the channels; a quarter of it for a light to all sides, whose intensity is so much less.
+    pub(super) flux: f32,
+    /// Unit normal; `None` where it shines to all sides.
+    pub(super) normal: Option<Vec3A>,
+}
+
+/// A binary tree with a light in each leaf.
+#[derive(Debug, Clone)]
+pub(super) struct LightTree {
+    /// The root is the first; of each pair of children the second follows the first.
+    nodes: Vec<Node>,
+    /// The leaf of each light.
+    leaves: Vec<u32>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    /// The sphere around the box of its lights.
+    centre: Vec3A,
+    radius_sq: f32,
+    /// Added to squared distances.
+    softening: f32,
+    flux: f32,
+    cone: Cone,
+    parent: u32,
+    /// First of two children, or a light.
+    child: u32,
+    is_leaf: bool,
+}
+
+/// Directions about an axis, such as normals.
+#[derive(Debug, Clone, Copy)]
+struct Cone {
+    /// Unit vector.
+    axis: Vec3A,
+    cosine: f32,
+}
+
+/// Candidates for a cut are the borders of so many slabs.
+const BINS: usize = 12;
+
+/// Nearer than this, metres squared, a light without extent counts as so far away: no importance may be infinite.
+const LEAST_DISTANCE_SQ: f32 = 1e-12;
+
+/// The share of the squared radius by which a squared distance is softened. Without, a point near the centre of a node looks for lights only there.
+const SOFTENING: f32 = 0.05;
+
+/// Added to the cosine of the importance, so that rounding never leaves out a light that shines, seen edge on.
+const SLACK: f32 = 1e-3;
+
+impl LightTree {
+    /// Builds the tree; at least one light.
+    pub(super) fn new(emitters: &[Emitter]) -> Self {
+        let mut order: Vec<u32> = (0u32..).take(emitters.len()).collect();
+        let mut tree = Self { nodes: Vec::with_capacity(2 * emitters.len()), leaves: vec![0; emitters.len()] };
+        let all = Cluster::of(&order, emitters);
+        tree.nodes.push(Node::new(&all, 0));
+        // Node, its stretch of `order`. A list, not recursion: cuts may be uneven.
+        let mut todo = vec![(0usize, 0..order.len(), all)];
+        while let Some((index, range, cluster)) = todo.pop() {
+            let lights = &mut order[range.clone()];
+            let number = |x: usize| u32::try_from(x).expect("the number of primitives is limited");
+            if let [light] = *lights {
+                tree.nodes[index].child = light;
+                tree.nodes[index].is_leaf = true;
+                tree.leaves[light as usize] = number(index);
+                continue;
+            }
+            let middle = cut(lights, emitters, &cluster);
+            let child = tree.nodes.len();
+            tree.nodes[index].child = number(child);
+            let middle = range.start + middle;
+            for (i, part) in [range.start..middle, middle..range.end].into_iter().enumerate() {
+                let cluster = Cluster::of(&order[part.clone()], emitters);
+                tree.nodes.push(Node::new(&cluster, number(index)));
+                todo.push((child + i, part, cluster));
+            }
+        }
+        tree
+    }
+
+    /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability; `None` where none shines to it.
+    ///
+    /// In f64 the remainder of `u` keeps its digits over all levels.
+    #[inline]
+    pub(super) fn sample(&self, p: Vec3A, mut u: f64) -> Option<(usize, f32)> {
+        let mut probability = 1.0;
+        let mut node = &self.nodes[0];
+        if node.importance(p) <= 0.0 {
+            return None;
+        }
+        while !node.is_leaf {
+            let first = self.share(node, p)?;
+            let child = node.child as usize;
+            if u < f64::from(first) {
+                u /= f64::from(first);
+                probability *= first;
+                node = &self.nodes[child];
+            } else {
+                u = (u - f64::from(first)) / (1.0 - f64::from(first));
+                probability *= 1.0 - first;
+                node = &self.nodes[child + 1];
+            }
+        }
+        (probability > 0.0).then_some((node.child as usize, probability))
+    }
+
+    /// Returns the probability with which [`LightTree::sample`] chooses a light for the point `p`.
+    #[inline]
+    pub(super) fn probability(&self, p: Vec3A, light: usize) -> f32 {
+        if self.nodes[0].importance(p) <= 0.0 {
+            return 0.0;
+        }
+        let mut probability = 1.0;
+        let mut index = self.leaves[light] as usize;
+        while index != 0 {
+            let parent = &self.nodes[self.nodes[index].parent as usize];
+            let Some(first) = self.share(parent, p) else { return 0.0 };
+            probability *= if index == parent.child as usize { first } else { 1.0 - first };
+            index = self.nodes[index].parent as usize;
+        }
+        probability
+    }
+
+    /// Returns the probability of the first child; `None` where neither shines to `p`.
+    #[inline]
+    fn share(&self, node: &Node, p: Vec3A) -> Option<f32> {
+        let child = node.child as usize;
+        let (first, second) = (self.nodes[child].importance(p), self.nodes[child + 1].importance(p));
+        let sum = first + second;
+        (sum > 0.0).then(|| first / sum)
+    }
+
+    /// Returns the memory held, bytes.
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>() + self.leaves.capacity() * size_of::<u32>()
+    }
+}
+
+impl Node {
+    fn new(cluster: &Cluster, parent: u32) -> Self {
+        let Aabb { min, max } = cluster.bounds;
+        let centre = Vec3A::from(min.midpoint(max));
+        let radius_sq = (0.25 * (max - min).length_squared()).max(LEAST_DISTANCE_SQ);
+        let (flux, cone) = (cluster.flux, cluster.cone);
+        Self { centre, radius_sq, softening: SOFTENING * radius_sq, flux, cone, parent, child: 0, is_leaf: false }
+    }
+
+    #[inline]
+    fn importance(&self, p: Vec3A) -> f32 {
+        let offset = p - self.centre;
+        let distance_sq = offset.length_squared();
+        let weight = self.flux / (distance_sq + self.softening);
+        if distance_sq <= self.radius_sq {
+            return 2.0 * weight;
+        }
+        // The least angle to any normal of the cone, from any point of the sphere.
+        let cosine = self.cone.axis.dot(offset) / distance_sq.sqrt();
+        let sine_b_sq = self.radius_sq / distance_sq;
+        let bound = (sine_b_sq.sqrt(), (1.0 - sine_b_sq).sqrt());
+        let within = (self.cone.sine(), self.cone.cosine);
+        let (sine, cosine) = less((((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt(), cosine), within);
+        let (_, cosine) = less((sine, cosine), bound);
+        weight * (cosine + SLACK).max(0.0)
+    }
+}
+
+/// Returns sine and cosine of the difference of two angles in [0, pi], or of 0 where the second is larger.
+#[inline]
+fn less(a: (f32, f32), b: (f32, f32)) -> (f32, f32) {
+    if a.1 >= b.1 { (0.0, 1.0) } else { (a.0 * b.1 - a.1 * b.0, a.1 * b.1 + a.0 * b.0) }
+}
+
+/// What is known of some lights together.
+#[derive(Debug, Clone, Copy)]
+struct Cluster {
+    bounds: Aabb,
+    /// Of the lights' middles.
+    centres: Aabb,
+    flux: f32,
+    cone: Cone,
+}
+
+impl Cluster {
+    fn of(lights: &[u32], emitters: &[Emitter]) -> Self {
+        let of = |&light: &u32| Self::from(&emitters[light as usize]);
+        lights.iter().map(of).reduce(Self::union).expect("a node has lights")
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            bounds: self.bounds.union(other.bounds),
+            centres: self.centres.union(other.centres),
+            flux: self.flux + other.flux,
+            cone: self.cone.union(other.cone),
+        }
+    }
+
+    /// Returns what a part costs (the orientation heuristic of the source, eq. 1): flux times area times solid angle to which it shines.
+    fn cost(&self) -> f32 {
+        let size = self.bounds.max - self.bounds.min;
+        let area = size.x * size.y + size.y * size.z + size.z * size.x;
+        let theta_o = self.cone.cosine.clamp(-1.0, 1.0).acos();
+        let theta_w = (theta_o + FRAC_PI_2).min(PI);
+        let sine = theta_o.sin();
+        let beyond = 2.0 * theta_w * sine - (theta_o - 2.0 * theta_w).cos() - 2.0 * theta_o * sine + theta_o.cos();
+        self.flux * area * (2.0 * PI * (1.0 - theta_o.cos()) + FRAC_PI_2 * beyond)
+    }
+}
+
+impl From<&Emitter> for Cluster {
+    fn from(emitter: &Emitter) -> Self {
+        let centre = emitter.bounds.centre();
+        let cone = emitter.normal.map_or(Cone::ALL, |axis| Cone { axis, cosine: 1.0 });
+        Self { bounds: emitter.bounds, centres: Aabb { min: centre, max: centre }, flux: emitter.flux, cone }
+    }
+}
+
+impl Cone {
+    const ALL: Self = Self { axis: Vec3A::Z, cosine: -1.0 };
+
+    fn sine(self) -> f32 {
+        ((1.0 - self.cosine) * (1.0 + self.cosine)).max(0.0).sqrt()
+    }
+
+    /// Returns a cone around both.
+    fn union(self, other: Self) -> Self {
+        let (wide, narrow) = if self.cosine <= other.cosine { (self, other) } else { (other, self) };
+        let [theta_w, theta_n] = [wide.cosine, narrow.cosine].map(|cosine| cosine.clamp(-1.0, 1.0).acos());
+        let between = wide.axis.dot(narrow.axis).clamp(-1.0, 1.0).acos();
+        if (between + theta_n).min(PI) <= theta_w {
+            return wide;
+        }
+        let half = 0.5 * (theta_w + between + theta_n);
+        let Some(towards) = (narrow.axis - wide.axis * wide.axis.dot(narrow.axis)).try_normalize() else {
+            return Self::ALL;
+        };
+        if half >= PI {
+            return Self::ALL;
+        }
+        let (sine, cosine) = (half - theta_w).sin_cos();
+        Self { axis: wide.axis * cosine + towards * sine, cosine: half.cos() }
+    }
+}
+
+/// Orders the lights along their longest side so that a good cut is at the returned place, with lights on both sides.
+fn cut(lights: &mut [u32], emitters: &[Emitter], cluster: &Cluster) -> usize {
+    let Aabb { min, max } = cluster.centres;
+    let size = max - min;
+    let axis = size.max_position();
+    if size[axis] <= 0.0 {
+        return lights.len() / 2;
+    }
+    let bin = |light: u32| {
+        let share = (emitters[light as usize].bounds.centre()[axis] - min[axis]) / size[axis] * BINS as f32;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of the bins, limited below"
+        )]
+        let bin = share as usize;
+        bin.min(BINS - 1)
+    };
+    let mut bins: [Option<Cluster>; BINS] = [None; BINS];
+    for &light in &*lights {
+        bins[bin(light)] = join(bins[bin(light)], Some(Cluster::from(&emitters[light as usize])));
+    }
+    let mut above = [None; BINS];
+    for i in (1..BINS).rev() {
+        above[i - 1] = join(bins[i], above[i]);
+    }
+    let (mut below, mut best) = (None, (f32::INFINITY, 0));
+    for i in 0..BINS - 1 {
+        below = join(below, bins[i]);
+        if let (Some(a), Some(b)) = (below, above[i]) {
+            let cost = a.cost() + b.cost();
+            // The first and the last bin have lights, so there is a cut even where no cost is finite.
+            if cost < best.0 || best.0 == f32::INFINITY {
+                best = (cost, i);
+            }
+        }
+    }
+    lights.sort_by_key(|&light| bin(light));
+    lights.partition_point(|&light| bin(light) <= best.1)
+}
+
+fn join(a: Option<Cluster>, b: Option<Cluster>) -> Option<Cluster> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.union(b)),
+        _ => a.or(b),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    /// Small triangles' boxes in a room of 10 metres, some facing down, some sideways, and a few lights without a normal.
+    fn emitters(count: usize) -> Vec<Emitter> {
+        let hash = |i: usize, k: usize| {
+            let x = (i as u32).wrapping_mul(0x9e37_79b9) ^ (k as u32).wrapping_mul(0x85eb_ca6b);
+            let x = (x ^ (x >> 16)).wrapping_mul(0xc2b2_ae35);
+            ((x ^ (x >> 13)) >> 8) as f32 / (1u32 << 24) as f32
+        };
+        let emitter = |i: usize| {
+            let corner = Vec3::new(hash(i, 0), hash(i, 1), hash(i, 2)) * 10.0;
+            let normal = Vec3A::new(hash(i, 3) - 0.5, hash(i, 4) - 0.5, -0.5).normalize();
+            Emitter {
+                bounds: Aabb { min: corner, max: corner + 0.05 },
+                flux: 0.1 + hash(i, 5),
+                normal: (i % 7 != 0).then_some(normal),
+            }
+        };
+        (0..count).map(emitter).collect()
+    }
+
+    #[test]
+    fn probabilities_are_those_of_the_samples_and_few_are_lost() {
+        let emitters = emitters(1000);
+        let tree = LightTree::new(&emitters);
+        for p in [Vec3A::new(5.0, 5.0, 0.0), Vec3A::new(-20.0, 3.0, 4.0), Vec3A::new(2.0, 8.0, 6.0)] {
+            let sum: f64 = (0..emitters.len()).map(|light| f64::from(tree.probability(p, light))).sum();
+            let mut found = 0.0;
+            for i in 0..4096 {
+                let Some((light, probability)) = tree.sample(p, (f64::from(i) + 0.5) / 4096.0) else { continue };
+                found += 1.0 / 4096.0;
+                let again = tree.probability(p, light);
+                assert!((probability / again - 1.0).abs() < 1e-5, "{p}, light {light}: {probability} is not {again}");
+            }
+            // What is left goes to nodes whose lights turn out to face away; a gap of the samples has two ends.
+            assert!((found - sum).abs() < 50.0 / 4096.0 && sum > 0.85 && sum < 1.0 + 1e-5, "{p}: {sum}, {found}");
+        }
+    }
+
+    #[test]
+    fn whatever_shines_to_a_point_has_a_probability() {
+        let emitters = emitters(500);
+        let tree = LightTree::new(&emitters);
+        for p in [Vec3A::new(5.0, 5.0, -1.0), Vec3A::new(0.0, 0.0, 30.0), Vec3A::new(9.0, 1.0, 5.0)] {
+            for (light, emitter) in emitters.iter().enumerate() {
+                let Aabb { min, max } = emitter.bounds;
+                let corner = |i: usize| Vec3A::from_array([0, 1, 2].map(|axis| [min, max][i >> axis & 1][axis]));
+                let shines = emitter.normal.is_none_or(|n| (0..8).any(|i| n.dot(p - corner(i)) > 0.0));
+                assert!(!shines || tree.probability(p, light) > 0.0, "{p}: light {light} is left out");
+            }
+        }
+    }
+
+    #[test]
+    fn lights_in_one_place_are_all_found() {
+        let one = Emitter { bounds: Aabb { min: Vec3::ONE, max: Vec3::ONE }, flux: 1.0, normal: None };
+        let tree = LightTree::new(&[one; 5]);
+        for light in 0..5 {
+            assert!(tree.probability(Vec3A::ZERO, light) > 0.05, "light {light}");
+        }
+    }
+}
