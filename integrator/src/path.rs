@@ -45,6 +45,7 @@ pub struct PathSample {
 #[derive(Debug)]
 pub struct PathTracer<'a> {
     scene: &'a Scene,
+    has_many_lights: bool,
     /// Rays traced, those of kind `camera`, `path` and `shadow`.
     pub rays: RayCounts,
     /// Paths cut at [`MAX_PATH_VERTICES`].
@@ -105,7 +106,8 @@ impl<'a> PathTracer<'a> {
     /// Returns a tracer that has counted nothing yet.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        Self { scene, rays: RayCounts::default(), cut_paths: 0, dropped_samples: 0 }
+        let has_many_lights = scene.lights().count() > 1;
+        Self { scene, has_many_lights, rays: RayCounts::default(), cut_paths: 0, dropped_samples: 0 }
     }
 
     /// Returns an unbiased estimate of the radiance that comes along `ray` to its origin. A sample that is not finite
@@ -158,15 +160,18 @@ impl<'a> PathTracer<'a> {
             let wo = frame.to_local(-ray.direction);
             sampler.start_bounce(vertex);
 
-            // Numbers are drawn whether they are needed or not, so that each dimension keeps its meaning over the samples.
-            let (u_light, u_point) = (sampler.next_1d(), sampler.next_2d());
+            // Light and direction have the first block of each bounce. The second one is for choices, where there are any; its numbers keep their
+            // meaning over the samples.
+            let [light_x, light_y, direction_x, direction_y] = sampler.next_4d();
+            let (u_point, u_direction) = (Vec2::new(light_x, light_y), Vec2::new(direction_x, direction_y));
+            let has_choice = self.has_many_lights || vertex >= ROULETTE_START || bsdf.has_choice();
+            let [u_light, u_lobe, u_roulette, _] = if has_choice { sampler.next_4d() } else { [0.5; 4] };
             if !bsdf.is_delta()
                 && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_light, u_point)
             {
                 add(&mut sample.terms, flight.after(false), throughput, reflected);
             }
 
-            let (u_lobe, u_direction) = (sampler.next_1d(), sampler.next_2d());
             let Some(next) = bsdf.sample(Lobes::ALL, wo, u_lobe, u_direction) else { return };
             let wi = frame.to_world(next.wi);
             if !is_on_side(&surface, wi, next.transmitted) {
@@ -179,7 +184,7 @@ impl<'a> PathTracer<'a> {
             if vertex >= ROULETTE_START {
                 // The root lets twice as many paths live as the throughput itself would: a tenth less error for the same time.
                 let survival = (throughput.sum().max_element() / radiance_scale).sqrt().min(MAX_SURVIVAL);
-                if sampler.next_1d() >= survival {
+                if u_roulette >= survival {
                     return;
                 }
                 throughput = throughput.scaled(Vec3::splat(1.0 / survival));

@@ -44,12 +44,12 @@ impl Bvh {
         let numbers: Vec<u32> =
             (0u32..).zip(primitives).filter(|(_, p)| !matches!(p, Primitive::Nothing)).map(|(i, _)| i).collect();
         if numbers.is_empty() {
-            return Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
+            return Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0, has_forms: false };
         }
         let boxes = boxes(primitives, &numbers);
         let binary = if clusters_badly(&boxes) { median::split(&boxes) } else { clustered(&boxes) };
         let binary = if depth(&binary) > MAX_DEPTH { median::split(&boxes) } else { binary };
-        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0 };
+        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0, has_forms: false };
         bvh.widen(&binary, |slot| {
             let number = numbers[binary.primitive_indices[slot] as usize];
             (number, primitives[number as usize])
@@ -80,6 +80,8 @@ impl Bvh {
                 self.nodes[node].set(lane, source.aabb().min, source.aabb().max, child);
             }
         }
+        let is_form = |&lane: &u32| lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE;
+        self.has_forms = self.packets.iter().any(|packet| packet.primitives.iter().any(is_form));
         // Each node on a path leaves at most three siblings behind, the last one has four children.
         self.stack_size = 3 * depth + 1;
         self.nodes.shrink_to_fit();

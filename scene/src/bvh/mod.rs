@@ -22,6 +22,8 @@ pub(crate) struct Bvh {
     packets: Vec<Packet>,
     /// Entries of the traversal stack that the deepest path can need.
     stack_size: usize,
+    /// Whether any packet holds a free form, so that others need not be looked at for one.
+    has_forms: bool,
 }
 
 /// Four children with their boxes, a lane each. The lanes of absent ones hold an inside-out box, which no ray meets.

@@ -98,10 +98,14 @@ impl Packet {
         }
         let outside = negative(u.min(v).min(w)) & positive(u.max(v).max(w));
         let det = u + v + w;
+        // NaN, of an empty lane or a triangle seen edge on (0 / 0), fails each comparison.
+        let met = !outside & det.abs().cmpgt(Vec4::ZERO);
+        if !met.any() {
+            return Lanes { mask: 0, t: det, v, w, det_inv: det, doubt: 0 };
+        }
         let det_inv = det.recip();
         let t = (u * az + v * bz + w * cz) * ray.shear[2] * det_inv;
-        // NaN, of an empty lane or a triangle seen edge on (0 / 0), fails each comparison.
-        let inside = t.cmplt(Vec4::splat(t_max)) & !outside & det.abs().cmpgt(Vec4::ZERO);
+        let inside = t.cmplt(Vec4::splat(t_max)) & met;
         if !inside.any() {
             return Lanes { mask: 0, t, v, w, det_inv, doubt: 0 };
         }

@@ -12,7 +12,9 @@ const FAR_GROWTH: f32 = 1.0 + 4.0 * f32::EPSILON;
 /// Direction components below this are taken as this: their inverse stays finite, and 0 times infinity never occurs.
 const MIN_COMPONENT: f32 = 1e-30;
 
-/// Enough for all but degenerate trees; small, for it is cleared for each ray.
+/// Enough for small scenes; it is cleared for each ray.
+const SMALL_STACK: usize = 24;
+/// Enough for all but degenerate trees.
 const USUAL_STACK: usize = 64;
 /// Enough for a tree of depth 128.
 const LARGE_STACK: usize = 400;
@@ -92,7 +94,9 @@ impl Bvh {
             return;
         }
         let nothing = (0, 0.0);
-        if self.stack_size <= USUAL_STACK {
+        if self.stack_size <= SMALL_STACK {
+            self.traverse_with::<ANY>(&mut [nothing; SMALL_STACK], ray, leaf);
+        } else if self.stack_size <= USUAL_STACK {
             self.traverse_with::<ANY>(&mut [nothing; USUAL_STACK], ray, leaf);
         } else if self.stack_size <= LARGE_STACK {
             self.traverse_with::<ANY>(&mut [nothing; LARGE_STACK], ray, leaf);
@@ -181,6 +185,9 @@ impl Bvh {
                     return nearest;
                 }
             }
+        }
+        if !self.has_forms {
+            return nearest;
         }
         for lane in packet.primitives {
             if lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE {

@@ -325,19 +325,19 @@ mod tests {
     use super::*;
 
     /// Small triangles' boxes in a room of 10 metres, some facing down, some sideways, and a few lights without a normal.
-    fn emitters(count: usize) -> Vec<Emitter> {
-        let hash = |i: usize, k: usize| {
-            let x = (i as u32).wrapping_mul(0x9e37_79b9) ^ (k as u32).wrapping_mul(0x85eb_ca6b);
+    fn emitters(count: u32) -> Vec<Emitter> {
+        let hash = |i: u32, k: u32| {
+            let x = i.wrapping_mul(0x9e37_79b9) ^ k.wrapping_mul(0x85eb_ca6b);
             let x = (x ^ (x >> 16)).wrapping_mul(0xc2b2_ae35);
             ((x ^ (x >> 13)) >> 8) as f32 / (1u32 << 24) as f32
         };
-        let emitter = |i: usize| {
+        let emitter = |i: u32| {
             let corner = Vec3::new(hash(i, 0), hash(i, 1), hash(i, 2)) * 10.0;
             let normal = Vec3A::new(hash(i, 3) - 0.5, hash(i, 4) - 0.5, -0.5).normalize();
             Emitter {
                 bounds: Aabb { min: corner, max: corner + 0.05 },
                 flux: 0.1 + hash(i, 5),
-                normal: (i % 7 != 0).then_some(normal),
+                normal: (!i.is_multiple_of(7)).then_some(normal),
             }
         };
         (0..count).map(emitter).collect()

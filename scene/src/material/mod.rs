@@ -180,6 +180,17 @@ impl Bsdf {
         self.diffuse != Vec3::ZERO
     }
 
+    /// Whether [`Bsdf::sample`] of all lobes asks `u_lobe`: there are two parts, or a surface that both reflects and refracts.
+    #[inline]
+    #[must_use]
+    pub fn has_choice(&self) -> bool {
+        match self.specular {
+            Specular::None => false,
+            Specular::Ggx { .. } | Specular::Mirror { .. } => self.has_diffuse(),
+            Specular::Dielectric { .. } => true,
+        }
+    }
+
     /// Whether there is a rough specular part.
     #[inline]
     #[must_use]
