@@ -160,10 +160,9 @@ impl<'a> PathTracer<'a> {
             let wo = frame.to_local(-ray.direction);
             sampler.start_bounce(vertex);
 
-            // Light and direction have the first block of each bounce. The second one is for choices, where there are any; its numbers keep their
-            // meaning over the samples.
-            let [light_x, light_y, direction_x, direction_y] = sampler.next_4d();
-            let (u_point, u_direction) = (Vec2::new(light_x, light_y), Vec2::new(direction_x, direction_y));
+            // Light and direction have a pair each in every bounce. A block more is drawn for choices, where there are any; its numbers keep
+            // their meaning over the samples.
+            let (u_point, u_direction) = (sampler.next_pair(), sampler.next_pair());
             let has_choice = self.has_many_lights || vertex >= ROULETTE_START || bsdf.has_choice();
             let [u_light, u_lobe, u_roulette, _] = if has_choice { sampler.next_4d() } else { [0.5; 4] };
             if !bsdf.is_delta()
@@ -322,7 +321,7 @@ impl PathTracer<'_> {
             let mut sum = PixelSum::default();
             for number in 0..spp {
                 let mut sampler = Sampler::new(settings.seed, band.film_index(index) as u64, number);
-                let ray = camera.ray(corner + sampler.next_2d(), settings.size);
+                let ray = camera.ray(corner + sampler.next_pair(), settings.size);
                 let sample = self.trace(&ray, &mut sampler);
                 sum.add_terms(&sample.terms, 1.0);
                 if let Some(hit) = &sample.first_hit {

@@ -10,6 +10,7 @@
 //! Space-Efficient Statistically Good Algorithms for Random Number Generation*, 2014.
 
 use glam::Vec2;
+use sobol_burley::parts::owen_scramble_rev;
 
 /// The sequence repeats after so many points; beyond, another scramble takes over.
 const SEQUENCE_LENGTH: u32 = 1 << 16;
@@ -81,6 +82,22 @@ impl Sampler {
         sobol_burley::sample_4d(self.index, 0, seed)
     }
 
+    /// Returns a pair of its own, stratified as well as two numbers can be: of 2^k samples from a multiple of 2^k on, each elementary interval of the
+    /// square holds its share (a (0, 2)-sequence). Costs half of [`Sampler::next_4d`].
+    pub fn next_pair(&mut self) -> Vec2 {
+        let seed = hash_pair(self.bounce_key, u64::from(self.block));
+        self.block += 1;
+        self.used = 4;
+        let index = owen_scramble_rev(self.index.reverse_bits(), upper(seed)).reverse_bits();
+        let more = hash(seed);
+        // The first dimension of Sobol's sequence reverses the digits of the index, the second one sums them by Pascal's triangle first.
+        let scrambled = |reversed: u32, scramble: u32| {
+            let bits = owen_scramble_rev(reversed, scramble).reverse_bits();
+            (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+        };
+        Vec2::new(scrambled(index, upper(more)), scrambled(pascal(index), upper(more << 32)))
+    }
+
     /// Returns the next number.
     pub fn next_1d(&mut self) -> f32 {
         if self.used == 4 {
@@ -100,6 +117,15 @@ impl Sampler {
         self.used += 2;
         Vec2::new(self.values[self.used - 2], self.values[self.used - 1])
     }
+}
+
+/// Returns the number whose bit i is the sum, modulo 2, of the bits j with C(j, i) odd: by Lucas those j that have all bits of i.
+const fn pascal(x: u32) -> u32 {
+    let x = x ^ ((x >> 1) & 0x5555_5555);
+    let x = x ^ ((x >> 2) & 0x3333_3333);
+    let x = x ^ ((x >> 4) & 0x0f0f_0f0f);
+    let x = x ^ ((x >> 8) & 0x00ff_00ff);
+    x ^ (x >> 16)
 }
 
 /// A stream of unrelated numbers: PCG32, 16 bytes and a multiplication a number.
@@ -167,6 +193,28 @@ mod tests {
                 }
                 assert_eq!(cells, [0xffff; 3], "pixel {pixel}, bounce {bounce}");
             }
+        }
+    }
+
+    #[test]
+    fn pairs_fall_in_every_elementary_interval() {
+        // 64 samples: one in each cell of every grid of 2^a x 2^(6 - a) cells.
+        for pixel in 0..50 {
+            let points: Vec<Vec2> = (128..192).map(|sample| Sampler::new(1, pixel, sample).next_pair()).collect();
+            for a in 0..=6 {
+                let (columns, rows) = (1u32 << a, 1u32 << (6 - a));
+                let cell = |u: &Vec2| (u.y * rows as f32) as u32 * columns + (u.x * columns as f32) as u32;
+                let met = points.iter().fold(0u64, |met, u| met | 1 << cell(u));
+                assert_eq!(met, u64::MAX, "pixel {pixel}, {columns} x {rows}");
+            }
+        }
+    }
+
+    #[test]
+    fn pairs_are_those_of_sobol() {
+        for index in [1u32, 2, 3, 5, 1000, 65_535] {
+            let known = sobol_burley::parts::sobol_rev(index.reverse_bits(), 1);
+            assert_eq!(pascal(index), known, "index {index}");
         }
     }
 

@@ -76,13 +76,16 @@ fn corners_are_as_bright_as_the_middle() {
     // A closed room of emitters, a = 0.5: E = pi (2 - 1) of light that is not straight, at every point. Uncorrected it
     // would be a half at an edge and a quarter in a corner.
     let scene = Builder::default().cube_room(&Material { diffuse: Vec3::splat(0.5), ..lamp(1.0) }).build();
-    let maps = PhotonMaps::shoot(&scene, &settings(400_000));
+    // One map's mean over an edge or the corners has a deviation of 3 %: of eight, 5 % are 4.5 of them.
+    let maps: Vec<PhotonMaps> =
+        (0..8).map(|seed| PhotonMaps::shoot(&scene, &PhotonSettings { seed, ..settings(400_000) })).collect();
     let mean = |make: &dyn Fn(f32) -> (f32, f32)| {
-        let values = (0..400).map(|i| {
+        let values = (0..400).flat_map(|i| {
             let (x, y) = make(i as f32 / 400.0);
-            maps.global_irradiance(Vec3A::new(x, y, -1.0), Vec3A::Z).map_or(0.0, |found| found.irradiance.x)
+            let at = Vec3A::new(x, y, -1.0);
+            maps.iter().map(move |maps| maps.global_irradiance(at, Vec3A::Z).map_or(0.0, |found| found.irradiance.x))
         });
-        values.sum::<f32>() / 400.0 * FRAC_1_PI
+        values.sum::<f32>() / (400.0 * 8.0) * FRAC_1_PI
     };
     let middle = mean(&|t| (t - 0.5, (17.0 * t).fract() - 0.5));
     let edge = mean(&|t| (0.99, 1.8 * t - 0.9));

@@ -1,6 +1,6 @@
 //! What shines, and how to find it: choosing a light for a point, and light for a photon.
 //!
-//! A light is chosen, then a direction to it. One is chosen by its flux; among several at hand by a tree that knows what may reach the point, while those
+//! A light is chosen, then a direction to it. Few are chosen by their flux; many by a tree that knows what may reach the point, while those
 //! at infinity keep to their flux. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has a density that
 //! [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
 
@@ -35,7 +35,7 @@ pub struct Lights {
     environment: Option<EnvironmentLight>,
     /// Over rectangles, then triangles, forms, punctual lights and the environment.
     choice: Choice,
-    /// Over what is not at infinity, where that is more than one light.
+    /// Over what is not at infinity, where that is many lights.
     tree: Option<LightTree>,
     /// Number of lights that are not at infinity: the first ones.
     near_count: usize,
@@ -76,6 +76,10 @@ pub struct Emission {
     pub flux: Vec3,
 }
 
+/// Fewer lights than these are chosen by their flux. Among few, most are large or near, which a sphere around them says little of: six walls that shine
+/// are better chosen evenly.
+const LEAST_IN_TREE: usize = 32;
+
 /// The sphere around all bounded things: lights at infinity shine on its cross-section.
 #[derive(Debug, Clone, Copy)]
 struct Sphere {
@@ -110,7 +114,7 @@ impl Lights {
             total_flux: Vec3::ZERO,
             surroundings,
         };
-        if near_count > 1 {
+        if near_count >= LEAST_IN_TREE {
             let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
             lights.tree = Some(LightTree::new(&emitters));
         }
