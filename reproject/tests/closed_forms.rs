@@ -222,6 +222,36 @@ fn near_things_are_magnified() {
     }
 }
 
+/// Elements that become smaller than a texel on the way seldom cover the centre of one, and yet their light counts.
+#[test]
+fn far_things_keep_their_light() {
+    let (height, half) = (0.2, 0.1);
+    let patch =
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| Vec3A::new(half * x, half * y, height));
+    // On a ceiling, so that nothing uncovers anything.
+    let look = |p: Vec3A, wi: Vec3A| {
+        let at = p + wi * ((height - p.z) / wi.z);
+        (Vec3::splat(f32::from(at.x.abs() < half && at.y.abs() < half)), (at - p).length(), Vec3A::NEG_Z)
+    };
+    for (max_side, limit) in [(1, 0.05), (4, 0.1)] {
+        let merge = MergeSettings { max_side, ..MergeSettings::default() };
+        let record = at_origin(look, 32, &RecordSettings { merge, ..RecordSettings::default() });
+        let seen = f64::from(record.mean_radiance().x) / lambert(&patch, Vec3A::ZERO);
+        let mut workspace = Workspace::new();
+        let (mut found, mut expected) = (0.0, 0.0);
+        for k in 0..64 {
+            let (sin, cos) = (k as f32 * PI / 32.0).sin_cos();
+            let p = Vec3A::new(cos, sin, 0.0) * (3.0 * height);
+            workspace.project(&record, p, Vec3A::Z, &Settings::default());
+            workspace.trace_holes(1, k, &mut Rays(p, look));
+            found += f64::from(workspace.mean_radiance().x);
+            expected += lambert(&patch, p);
+        }
+        let kept = found / expected / seen;
+        assert!((kept - 1.0).abs() < limit, "{max_side} texels wide: {kept}, {seen} of it seen");
+    }
+}
+
 #[test]
 #[expect(clippy::print_stdout, reason = "the errors are figures to report, with --nocapture")]
 fn uv_area_is_the_form_factor() {
