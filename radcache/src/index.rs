@@ -1,31 +1,16 @@
-//! The search for the record that serves a point best: a grid of cells for each power of two of the radius.
+//! The search for the record that serves a point best.
 
-use std::collections::HashMap;
+use glam::Vec3A;
 
-use glam::{IVec3, Vec3A};
+use crate::{BallGrid, Record, Validity};
 
-use crate::{Record, Validity};
-
-/// Records and where they reach.
-///
-/// A record of radius r is entered at the level whose cells are at least 2 r wide, in the up to eight cells that its ball
-/// touches, so a search looks at one cell a level: with radii spread over a factor of 1000 that is ten look-ups at most. Records
-/// are entered one after another and keep their numbers, so the answer depends on the order of the calls alone.
+/// Records and where they reach. They are entered one after another and keep their numbers, so the answer depends on the order of
+/// the calls alone.
 #[derive(Debug, Default)]
 pub struct Index {
     validity: Validity,
     records: Vec<Record>,
-    /// Largest cells first.
-    levels: Vec<Level>,
-}
-
-/// The records of about one radius.
-#[derive(Debug)]
-struct Level {
-    /// Exponent of the cell width.
-    exponent: i32,
-    /// The records that reach into each cell.
-    cells: HashMap<IVec3, Vec<u32>, CellHasher>,
+    grid: BallGrid,
 }
 
 /// What [`Index::best`] found.
@@ -51,23 +36,7 @@ impl Index {
     pub fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
         for record in records {
             let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
-            let radius = record.radius();
-            if radius > 0.0 {
-                // Under an open sky a record may reach everywhere.
-                let radius = radius.min(WIDEST);
-                let exponent = level_exponent(radius);
-                let level = self.level(exponent);
-                let width = cell_width(exponent);
-                let low = cell(record.centre() - radius, width);
-                let high = cell(record.centre() + radius, width);
-                for x in low.x..=high.x {
-                    for y in low.y..=high.y {
-                        for z in low.z..=high.z {
-                            self.levels[level].cells.entry(IVec3::new(x, y, z)).or_default().push(number);
-                        }
-                    }
-                }
-            }
+            self.grid.insert(number, record.centre(), record.radius());
             self.records.push(record);
         }
     }
@@ -82,17 +51,12 @@ impl Index {
     #[must_use]
     pub fn best_but(&self, p: Vec3A, n: Vec3A, refused: &[usize]) -> Option<Found> {
         let mut best: Option<Found> = None;
-        for level in &self.levels {
-            let Some(candidates) = level.cells.get(&cell(p, cell_width(level.exponent))) else {
-                continue;
-            };
-            for &number in candidates {
-                let record = number as usize;
-                let misfit = self.validity.misfit(&self.records[record], p, n);
-                let better = best.is_none_or(|b| misfit < b.misfit || (misfit == b.misfit && record < b.record));
-                if misfit <= 1.0 && better && !refused.contains(&record) {
-                    best = Some(Found { record, misfit });
-                }
+        for number in self.grid.near(p) {
+            let record = number as usize;
+            let misfit = self.validity.misfit(&self.records[record], p, n);
+            let better = best.is_none_or(|b| misfit < b.misfit || (misfit == b.misfit && record < b.record));
+            if misfit <= 1.0 && better && !refused.contains(&record) {
+                best = Some(Found { record, misfit });
             }
         }
         best
@@ -125,67 +89,7 @@ impl Index {
     /// Bytes that records and cells take, about.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let cells: usize =
-            self.levels.iter().flat_map(|level| level.cells.values()).map(|v| 40 + v.capacity() * 4).sum();
-        cells + self.records.iter().map(Record::memory_bytes).sum::<usize>()
-    }
-
-    fn level(&mut self, exponent: i32) -> usize {
-        match self.levels.binary_search_by(|level| exponent.cmp(&level.exponent)) {
-            Ok(found) => found,
-            Err(place) => {
-                self.levels.insert(place, Level { exponent, cells: HashMap::default() });
-                place
-            }
-        }
-    }
-}
-
-/// Metres beyond which no scene goes.
-const WIDEST: f32 = 1e30;
-
-/// Smallest exponent e with 2^e >= 2 radius.
-fn level_exponent(radius: f32) -> i32 {
-    #[expect(clippy::cast_possible_truncation, reason = "an f32 exponent")]
-    let exponent = (2.0 * radius).log2().ceil() as i32;
-    exponent
-}
-
-fn cell_width(exponent: i32) -> f32 {
-    2f32.powi(exponent)
-}
-
-/// The cell of a point. Very far points share the outermost cell: the cast saturates.
-fn cell(p: Vec3A, width: f32) -> IVec3 {
-    (p / width).floor().as_ivec3()
-}
-
-/// A multiplicative hash of three cell numbers; the default one costs more than the search.
-#[derive(Debug, Clone, Copy, Default)]
-struct CellHasher;
-
-impl std::hash::BuildHasher for CellHasher {
-    type Hasher = CellHash;
-    fn build_hasher(&self) -> CellHash {
-        CellHash(0)
-    }
-}
-
-#[derive(Debug)]
-struct CellHash(u64);
-
-impl std::hash::Hasher for CellHash {
-    fn finish(&self) -> u64 {
-        self.0 ^ self.0 >> 32
-    }
-    fn write(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.write_i32(i32::from(byte));
-        }
-    }
-    fn write_i32(&mut self, value: i32) {
-        // The golden ratio in 64 bits, as in Fibonacci hashing.
-        self.0 = (self.0.rotate_left(21) ^ u64::from(value.cast_unsigned())).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.grid.memory_bytes() + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 }
 

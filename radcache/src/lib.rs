@@ -3,6 +3,7 @@
 
 mod codec;
 mod elements;
+mod grid;
 mod index;
 mod layers;
 mod merge;
@@ -13,6 +14,7 @@ mod validity;
 
 pub use codec::{CodecError, FORMAT_VERSION, from_bytes, to_bytes};
 pub use elements::{Elements, LANES, Sides};
+pub use grid::BallGrid;
 pub use index::{Found, Index};
 pub use layers::depth_layers;
 pub use merge::{Block, MergeSettings};

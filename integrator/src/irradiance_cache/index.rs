@@ -1,9 +1,7 @@
-//! The records that may reach a point: a grid of cells for each power of two of the reach, as in `radcache::Index`; but here every record
-//! that reaches a point has its say.
+//! The records that may reach a point, each of which has its say.
 
-use std::collections::HashMap;
-
-use glam::{IVec3, Vec3, Vec3A};
+use glam::{Vec3, Vec3A};
+use radcache::BallGrid;
 
 use super::record::Record;
 
@@ -11,16 +9,7 @@ use super::record::Record;
 #[derive(Debug, Default)]
 pub(crate) struct Index {
     records: Vec<Record>,
-    levels: Vec<Level>,
-}
-
-/// The records of about one reach.
-#[derive(Debug)]
-struct Level {
-    /// Exponent of the width of its cells, which is at least twice the reach of its records.
-    exponent: i32,
-    /// The records that reach into each cell.
-    cells: HashMap<IVec3, Vec<u32>>,
+    grid: BallGrid,
 }
 
 impl Index {
@@ -28,18 +17,7 @@ impl Index {
     pub(crate) fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
         for record in records {
             let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
-            let (centre, reach) = (record.centre(), record.reach());
-            let exponent = level_exponent(reach);
-            let width = cell_width(exponent);
-            let cells = self.level(exponent);
-            let (low, high) = (cell(centre - reach, width), cell(centre + reach, width));
-            for x in low.x..=high.x {
-                for y in low.y..=high.y {
-                    for z in low.z..=high.z {
-                        cells.entry(IVec3::new(x, y, z)).or_default().push(number);
-                    }
-                }
-            }
+            self.grid.insert(number, record.centre(), record.reach());
             self.records.push(record);
         }
     }
@@ -75,42 +53,13 @@ impl Index {
 
     /// Bytes that records and cells take, about.
     pub(crate) fn memory_bytes(&self) -> usize {
-        let lists = self.levels.iter().flat_map(|level| level.cells.values());
-        let cells: usize = lists.map(|list| size_of::<(IVec3, Vec<u32>)>() + list.capacity() * size_of::<u32>()).sum();
-        cells + self.records.iter().map(Record::memory_bytes).sum::<usize>()
+        self.grid.memory_bytes() + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 
     /// The records in the cells of a point: all that reach it, and some that do not.
     fn near(&self, p: Vec3A) -> impl Iterator<Item = &Record> {
-        let lists = self.levels.iter().filter_map(move |level| level.cells.get(&cell(p, cell_width(level.exponent))));
-        lists.flatten().map(|&number| &self.records[number as usize])
+        self.grid.near(p).map(|number| &self.records[number as usize])
     }
-
-    fn level(&mut self, exponent: i32) -> &mut HashMap<IVec3, Vec<u32>> {
-        let place = match self.levels.binary_search_by(|level| exponent.cmp(&level.exponent)) {
-            Ok(found) => found,
-            Err(place) => {
-                self.levels.insert(place, Level { exponent, cells: HashMap::default() });
-                place
-            }
-        };
-        &mut self.levels[place].cells
-    }
-}
-
-/// Smallest exponent e with 2^e >= 2 reach.
-fn level_exponent(reach: f32) -> i32 {
-    #[expect(clippy::cast_possible_truncation, reason = "an f32 exponent")]
-    let exponent = (2.0 * reach).log2().ceil() as i32;
-    exponent
-}
-
-fn cell_width(exponent: i32) -> f32 {
-    2f32.powi(exponent)
-}
-
-fn cell(p: Vec3A, width: f32) -> IVec3 {
-    (p / width).floor().as_ivec3()
 }
 
 #[cfg(test)]
