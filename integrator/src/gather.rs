@@ -89,7 +89,7 @@ impl<S: Secondary> Gatherer<'_, S> {
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> (Traced, Option<Surface>) {
-        let nothing = Traced { radiance: Vec3::ZERO, distance: f32::INFINITY };
+        let nothing = Traced::default();
         if wi.dot(surface.ng) <= 0.0 {
             return (nothing, None);
         }
@@ -100,7 +100,7 @@ impl<S: Secondary> Gatherer<'_, S> {
         let found = self.scene.surface(&ray, &hit);
         let follower = Follower { scene: self.scene, secondary: self.secondary, samples_light: false };
         let radiance = follower.reflected(&ray, found, sampler, rays);
-        (Traced { radiance, distance: found.t }, Some(found))
+        (Traced { radiance, distance: found.t, normal: found.ng }, Some(found))
     }
 }
 

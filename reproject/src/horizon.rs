@@ -16,7 +16,7 @@ pub(crate) struct TexelCentres {
 }
 
 impl TexelCentres {
-    fn of(&mut self, n: usize) -> &Self {
+    pub(crate) fn of(&mut self, n: usize) -> &Self {
         if self.n != n {
             let place = |texel: usize| (Vec2::new((texel % n) as f32, (texel / n) as f32) + 0.5) / n as f32;
             let directions = || (0..n * n).map(|texel| hemimap::square_to_cosine_hemisphere(place(texel)));
@@ -26,6 +26,11 @@ impl TexelCentres {
             self.n = n;
         }
         self
+    }
+
+    /// The direction of the centre of a texel.
+    pub(crate) fn direction(&self, texel: usize) -> Vec3A {
+        Vec3A::new(self.x[texel], self.y[texel], self.z[texel])
     }
 
     /// Calls `f` with each row of bits: those of the directions d with d . normal <= limit.

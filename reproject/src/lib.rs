@@ -8,6 +8,7 @@ mod kernel;
 mod masks;
 mod project;
 mod raster;
+mod samples;
 mod tracer;
 mod verify;
 mod workspace;

@@ -90,7 +90,7 @@ pub struct Workspace {
     pub(crate) narrow: Board<u32>,
     pub(crate) wide: Board<u64>,
     /// The element that fills each texel, if that was asked.
-    owners: Vec<u16>,
+    pub(crate) owners: Vec<u16>,
     pub(crate) has_owners: bool,
     pub(crate) holes: Vec<Hole>,
     pub(crate) directions: Vec<Vec3A>,
@@ -264,7 +264,7 @@ impl Workspace {
     }
 
     /// Finds the owners of all texels, unless that was done.
-    fn find_owners(&mut self) {
+    pub(crate) fn find_owners(&mut self) {
         if !self.has_owners {
             self.has_owners = true;
             if self.is_narrow() {

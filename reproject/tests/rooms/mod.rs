@@ -189,8 +189,8 @@ impl<F> std::fmt::Debug for Rays<F> {
 impl<F: Fn(Vec3A, Vec3A) -> Seen> Tracer for Rays<F> {
     fn trace(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
         for (wi, out) in wi.iter().zip(out) {
-            let (radiance, distance, _) = (self.1)(self.0, *wi);
-            *out = Traced { radiance, distance };
+            let (radiance, distance, normal) = (self.1)(self.0, *wi);
+            *out = Traced { radiance, distance, normal };
         }
     }
 }

@@ -1,0 +1,76 @@
+//! What a point sees by a reprojection, as samples of its own.
+
+use glam::{Mat3A, Vec3, Vec3A};
+use radcache::{Elements, Record, Samples};
+
+use crate::Workspace;
+use crate::kernel::NOBODY;
+use crate::workspace::radiance;
+
+/// The plane of an element as seen from the point, in the frame of the point.
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    /// Unit normal, turned to the point.
+    normal: Vec3A,
+    /// The middle of the element.
+    centre: Vec3A,
+}
+
+impl Plane {
+    /// The plane of element `e` for a point at `offset` from the record, whose frame `rotation` turns to that of the point.
+    fn of(elements: &Elements, e: usize, offset: Vec3A, rotation: &Mat3A) -> Self {
+        let [a, b, c, d] = std::array::from_fn(|k| *rotation * (elements.corner(e, k) - offset));
+        let centre = (a + b + c + d) / 4.0;
+        let normal = (c - a).cross(d - b).normalize_or(-centre.normalize_or(Vec3A::NEG_Z));
+        Self { normal: if normal.dot(centre) > 0.0 { -normal } else { normal }, centre }
+    }
+
+    /// Distance along a unit direction through the element. Where a grazing plane would be met far from the element, as its outline
+    /// covers no more of the texel than the centre, the distance of its middle.
+    fn distance(&self, wi: Vec3A) -> f32 {
+        /// Times the distance of the middle.
+        const RANGE: [f32; 2] = [0.5, 2.0];
+        let far = self.centre.length();
+        let distance = self.normal.dot(self.centre) / self.normal.dot(wi);
+        let inside = distance >= RANGE[0] * far && distance <= RANGE[1] * far;
+        if inside { distance } else { far }
+    }
+}
+
+impl Workspace {
+    /// Writes what the point sees, in the frame that [`Self::frame`] gives: as if its own rays had gone through the centres of all texels.
+    /// Elements lie on the planes through their corners; all texels of a hole take what its ray met. To be called after
+    /// [`Self::trace_holes`].
+    ///
+    /// The mean of these samples counts texels; [`Self::mean_radiance`] knows the areas of elements and is more exact.
+    pub fn samples(&mut self, record: &Record, samples: &mut Samples) {
+        let n = self.n;
+        if samples.resolution() != n {
+            *samples = Samples::new(n);
+        }
+        self.find_owners();
+        let (elements, centres) = (record.elements(), self.centres.of(n));
+        let mut last: Option<(u16, Plane)> = None;
+        for (texel, &owner) in self.owners.iter().enumerate() {
+            let e = usize::from(owner);
+            if owner == NOBODY {
+                samples.set(texel, Vec3::ZERO, f32::INFINITY, Vec3A::Z);
+            } else if elements.finite[e] == 0.0 {
+                samples.set(texel, radiance(elements, e), f32::INFINITY, Vec3A::Z);
+                samples.background_share[texel] = elements.background_share[e];
+            } else {
+                let plane = match last {
+                    Some((of, plane)) if of == owner => plane,
+                    _ => Plane::of(elements, e, self.offset, &self.rotation),
+                };
+                last = Some((owner, plane));
+                samples.set(texel, radiance(elements, e), plane.distance(centres.direction(texel)), plane.normal);
+                samples.background_share[texel] = elements.background_share[e];
+            }
+        }
+        for (hole, traced) in self.holes.iter().zip(&self.traced) {
+            let normal = self.frame.to_local(traced.normal);
+            hole.for_each_texel(n, &self.masks, |texel| samples.set(texel, traced.radiance, traced.distance, normal));
+        }
+    }
+}
