@@ -38,9 +38,9 @@ impl Hole {
 }
 
 impl Workspace {
-    /// Lists the blocks with gaps and a direction in world space for each: uniformly through its unfilled texels, which a ray
-    /// through the block's centre would not be.
-    pub(crate) fn find_holes(&mut self, step: u32, seed: u64) {
+    /// Lists the blocks with gaps of which any texel is `wanted`, and a direction in world space for each: uniformly through its unfilled
+    /// texels, which a ray through the block's centre would not be.
+    pub(crate) fn find_holes(&mut self, step: u32, seed: u64, wanted: impl Fn(usize) -> bool) {
         let n = self.n;
         let step = (step as usize).clamp(1, n);
         self.holes.clear();
@@ -54,6 +54,11 @@ impl Workspace {
                     continue;
                 }
                 hole.texels = u16::try_from(texels).expect("at most 64 x 64 texels");
+                let mut any = false;
+                hole.for_each_texel(n, &self.masks, |texel| any |= wanted(texel));
+                if !any {
+                    continue;
+                }
                 let random = hash(seed, (row * n + column) as u64);
                 let texel = pick(&hole, n, &self.masks, ((random >> 32) * u64::from(texels)) >> 32);
                 let jitter = Vec2::new(unit(random), unit(random >> 16));

@@ -74,7 +74,8 @@ pub struct Shares {
 
 /// Buffers of a reprojection, and its result; kept by a thread and used again, so that no call allocates.
 ///
-/// The order of calls: [`Self::project`], perhaps [`Self::verify`], then [`Self::trace_holes`], then any of the results. Texels are indexed as in
+/// The order of calls: [`Self::project`], perhaps [`Self::verify`], then [`Self::trace_holes`] or
+/// [`Self::trace_holes_under`], then any of the results. Texels are indexed as in
 /// [`radcache::Samples`], in the frame that [`Self::frame`] gives.
 #[derive(Debug)]
 pub struct Workspace {
@@ -145,7 +146,22 @@ impl Workspace {
     /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and gives the
     /// number of rays. The same seed gives the same rays.
     pub fn trace_holes(&mut self, step: u32, seed: u64, tracer: &mut impl Tracer) -> usize {
-        self.find_holes(step, seed);
+        self.find_holes(step, seed, |_| true);
+        self.trace_found(tracer)
+    }
+
+    /// As [`Self::trace_holes`], but only where a texel of the block has a weight. Of the results, [`Self::weighted_sum`] with these weights
+    /// alone holds then, and what is derived from it.
+    ///
+    /// # Panics
+    /// If there are not n x n weights.
+    pub fn trace_holes_under(&mut self, weights: &[Vec3], step: u32, seed: u64, tracer: &mut impl Tracer) -> usize {
+        assert_eq!(weights.len(), self.n * self.n, "a weight for each texel");
+        self.find_holes(step, seed, |texel| weights[texel] != Vec3::ZERO);
+        self.trace_found(tracer)
+    }
+
+    fn trace_found(&mut self, tracer: &mut impl Tracer) -> usize {
         self.traced.clear();
         self.traced.resize(self.holes.len(), Traced::default());
         tracer.trace(&self.directions, &mut self.traced);

@@ -107,6 +107,21 @@ fn hole_weights_make_one() {
     assert_eq!(workspace.trace_holes(0, 3, &mut Rays(Vec3A::ZERO, bright)), 49);
 }
 
+/// A lobe of half of the hemisphere asks for no rays through the other half, and gets the same light.
+#[test]
+fn holes_without_weight_are_not_traced() {
+    let n = 32;
+    let record = partly_known(n, |texel| uniform(texel as u64) < 0.5);
+    let weights: Vec<Vec3> = (0..n * n).map(|texel| Vec3::splat(f32::from(texel % n < n / 2))).collect();
+    let mut workspace = Workspace::new();
+    workspace.project(&record, Vec3A::ZERO, Vec3A::Z, &Settings::default());
+    let all = workspace.trace_holes(2, 5, &mut Rays(Vec3A::ZERO, step));
+    let sum = workspace.weighted_sum(&record, &weights);
+    let under = workspace.trace_holes_under(&weights, 2, 5, &mut Rays(Vec3A::ZERO, step));
+    assert_eq!(workspace.weighted_sum(&record, &weights), sum, "the same rays where they count");
+    assert!(under > 0 && under * 3 < all * 2, "{under} of {all} rays");
+}
+
 /// The weighted sum is that of the texture.
 #[test]
 fn weighted_sum_is_the_sum_over_the_texture() {
