@@ -1,8 +1,8 @@
 //! Points of the picture: primary rays through mirrors and glass to the surfaces that they show, one entry for each distinct
 //! surface in a pixel, so that antialiasing costs no gathers.
 
-use glam::{UVec2, Vec3};
-use scene::{Ray, Scene};
+use glam::{UVec2, Vec2, Vec3};
+use scene::{Hit, Ray, Scene, Surface};
 
 use crate::film::{FirstHit, PixelSum, Terms, guide_albedo};
 use crate::plan::Plan;
@@ -141,13 +141,14 @@ impl<S: Secondary> Primary<'_, S> {
                 terms.specular += beta * light.direct;
             }
             terms.specular += beta * light.specular;
+            let footprint = length * self.scene.camera().pixel_angle(self.size);
             let point = SurfacePoint {
                 pixel,
                 chain,
-                shading,
+                shading: off_seams(self.scene, shading, &ray, &hit, footprint),
                 diffuse_weight: beta * bsdf.diffuse / self.plan.spp as f32,
                 specular_weight: beta / self.plan.spp as f32,
-                footprint: length * self.scene.camera().pixel_angle(self.size),
+                footprint,
                 key: hash_pair(key, found.points.len() as u64),
             };
             add_point(&mut found.points, point, length);
@@ -214,6 +215,22 @@ impl<S: Secondary> Primary<'_, S> {
     }
 }
 
+/// Moves a point that lies on an edge of its triangle, inwards by less than a pixel: from a seam rays slip through the neighbour and see
+/// what is behind, and whoever takes light from there would be misled.
+fn off_seams(scene: &Scene, shading: Shading, ray: &Ray, hit: &Hit, footprint: f32) -> Shading {
+    /// As a barycentric coordinate, it is nearer to an edge than this.
+    const SEAM: f32 = 1e-5;
+    let Hit { barycentrics, .. } = *hit;
+    let margin = barycentrics.min_element().min(1.0 - barycentrics.element_sum());
+    if margin >= SEAM || hit.primitive as usize >= scene.triangle_count() {
+        return shading;
+    }
+    let middle = Hit { barycentrics: Vec2::splat(1.0 / 3.0), ..*hit };
+    let inwards = scene.surface(ray, &middle).p - shading.surface.p;
+    let surface = Surface { p: shading.surface.p + inwards.clamp_length_max(0.25 * footprint), ..shading.surface };
+    Shading { surface, ..shading }
+}
+
 /// Light that a primary ray met by itself: seen, seen in one mirror, or in several.
 fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
     match bounces {
@@ -244,4 +261,37 @@ pub(crate) fn same_surface(a: &SurfacePoint, b: &SurfacePoint, tolerance: f32) -
         && sa.n.dot(sb.n) >= MIN_NORMAL_COS
         && sa.n.dot(apart).abs() <= tolerance
         && sb.n.dot(apart).abs() <= tolerance
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3A;
+    use scene::{Description, Material, Mesh};
+
+    use super::*;
+
+    #[test]
+    fn points_in_a_seam_move_inwards_and_others_stay() {
+        // A wall that stands on the floor y = 0.
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 3.0],
+            triangles: vec![[0, 1, 2]],
+            materials: vec![0],
+            ..Mesh::default()
+        };
+        let materials = vec![Material::default()];
+        let scene = Scene::new(Description { meshes: vec![mesh], materials, ..Description::default() }).unwrap();
+        let ray = Ray::new(Vec3A::new(1.0, 0.0, 5.0), Vec3A::NEG_Z);
+        let moved = |barycentrics| {
+            let hit = Hit { t: 5.0, primitive: 0, barycentrics };
+            let shading = Shading::new(&scene, scene.surface(&ray, &hit), ray.direction);
+            let after = off_seams(&scene, shading, &ray, &hit, 0.01);
+            (shading.surface.p, after.surface.p)
+        };
+        let (before, after) = moved(Vec2::new(0.25, 0.0));
+        assert_eq!(before.y, 0.0, "in the plane of the floor");
+        assert!(after.y > 1e-4 && after.distance(before) < 0.005 && after.z == 0.0, "in the wall: {after}");
+        let (before, after) = moved(Vec2::new(0.25, 1e-3));
+        assert_eq!(before, after, "not in the seam");
+    }
 }
