@@ -120,13 +120,12 @@ fn explain_point(text: &mut String, number: usize, point: &PointExplanation, mat
             rgb(point.diffuse_weight * point.sky)
         ),
     );
-    row(text, 1, "reach", &format!("{:.3e} m", point.reach));
 }
 
 fn explain_step(text: &mut String, step: &Step) {
     match step {
-        Step::Interpolated { stride } => {
-            row(text, 1, "interpolated", &format!("its neighbours {} pixels apart agree", 2 * stride));
+        Step::Interpolated { records } => {
+            row(text, 1, "interpolated", &format!("{records} records of irradiance reach it"));
         }
         Step::NoRecord => row(text, 1, "asked", "no record reaches it"),
         Step::Refused { record, verdict } => {

@@ -86,6 +86,7 @@ impl Summary<'_> {
             &[
                 ("surface points", s.surface_points),
                 ("records", s.records),
+                ("of irradiance", s.irradiance_records),
                 ("reprojected", s.reprojected),
                 ("interpolated", s.interpolated),
                 ("gathered", s.gathered),

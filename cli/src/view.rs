@@ -27,7 +27,7 @@ pub(crate) struct ViewArgs {
     /// Samples a pixel, instead of what the quality gives
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     spp: Option<u32>,
-    /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, step, agreement,
+    /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, step,
     /// verify, light-samples, photons, coverage (rect, quad), trail (all, silhouettes), weights (bits, areas), secondary (cells, photons,
     /// paths); may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]

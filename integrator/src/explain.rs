@@ -44,7 +44,7 @@ pub struct PointExplanation {
     pub footprint: f32,
     /// The pixel's light for one unit of mean incident radiance: share of the pixel times what reflects there and on the way.
     pub diffuse_weight: Vec3,
-    /// What was done, in order; nothing is written down by [`Method::CacheOnly`](crate::Method::CacheOnly).
+    /// What was done, in order.
     pub steps: Vec<Step>,
     /// Mean incident radiance over the cosine-weighted hemisphere from what stands at a distance: L_i, of the term `indirect`.
     pub near: Vec3,
@@ -52,17 +52,15 @@ pub struct PointExplanation {
     pub sky: Vec3,
     /// Radiance that the glossy lobe reflects from a texture, of the term `specular`; 0 where there is no such lobe.
     pub glossy: Vec3,
-    /// Within this distance the light is about the same, metres.
-    pub reach: f32,
 }
 
 /// What was done for a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step {
-    /// Its neighbours on the lattice agreed, at twice this distance in pixels.
+    /// Records of irradiance reach it, and it takes the weighted mean of what they say.
     Interpolated {
-        /// Distance of its level of the lattice.
-        stride: usize,
+        /// As many as reach it.
+        records: usize,
     },
     /// No record serves its place and normal.
     NoRecord,
@@ -204,7 +202,6 @@ impl Witness {
                 near: value.near,
                 sky: value.sky,
                 glossy: value.glossy,
-                reach: value.reach,
             }
         });
         self.points.lock().unwrap_or_else(PoisonError::into_inner).extend(explained);

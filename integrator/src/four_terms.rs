@@ -6,7 +6,7 @@ use scene::Scene;
 use crate::explain::Witness;
 use crate::film::{Band, Film, Terms};
 use crate::gather::Gatherer;
-use crate::irradiance_cache::{self, CacheTerm};
+use crate::irradiance_cache::{self, Recorder};
 use crate::lattice::Lattice;
 use crate::plan::Plan;
 use crate::secondary::Secondary;
@@ -32,14 +32,16 @@ pub(crate) fn render<S: Secondary>(
 ) -> Film {
     let mut film = Film::new(settings.size);
     let primary = Primary { scene, plan, secondary, sky, size: settings.size, seed: settings.seed };
+    let scene_size = 2.0 * scene.bounds().radius();
+    let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },
         plan,
+        recorder: has_cache.then(|| Recorder::new(plan, settings.size.element_product(), scene_size)),
         witness,
-        scene_size: 2.0 * scene.bounds().radius(),
+        scene_size,
     };
-    let mut index = radcache::Index::new(plan.validity(0.0, indirect.scene_size));
-    let cache = CacheTerm::new(&indirect, &plan.cache, settings.size.element_product());
+    let mut index = radcache::Index::new(plan.validity(0.0, scene_size));
     let mut irradiance = irradiance_cache::Index::default();
     let mut counts = Counts::default();
     let rows = (BAND_PIXELS / settings.size.x).max(1);
@@ -57,8 +59,14 @@ pub(crate) fn render<S: Secondary>(
             Lattice::new(settings.size.x as usize, band.pixel_count() / settings.size.x as usize, all_points(&pixels));
         let values = statistics.time("indirect", |_| match settings.method {
             Method::Gather => indirect.gather_all(lattice.points(), &mut counts),
-            Method::CacheOnly => cache.evaluate(&lattice, &mut irradiance, &mut counts),
-            Method::Reproject | Method::Path => indirect.reproject_all(&lattice, &mut index, &mut counts),
+            Method::CacheOnly => {
+                let ask = |todo, counts: &mut Counts| indirect.gather(lattice.points(), todo, counts);
+                irradiance_cache::fill(&indirect, &lattice, &mut irradiance, &mut counts, ask)
+            }
+            Method::Reproject | Method::Path => {
+                let ask = |todo, counts: &mut Counts| indirect.reproject(lattice.points(), todo, &mut index, counts);
+                irradiance_cache::fill(&indirect, &lattice, &mut irradiance, &mut counts, ask)
+            }
         });
         if let Some(witness) = witness {
             witness.leave(&lattice, &values);
@@ -70,7 +78,8 @@ pub(crate) fn render<S: Secondary>(
     progress(Progress { phase: "indirect", done: 1.0 });
     add_counts(statistics, &counts);
     statistics.spp = plan.spp;
-    statistics.records = (index.len() + irradiance.len()) as u64;
+    statistics.records = index.len() as u64;
+    statistics.irradiance_records = irradiance.len() as u64;
     statistics.memory_bytes += (index.memory_bytes() + irradiance.memory_bytes()) as u64 + film.memory_bytes();
     film
 }

@@ -6,7 +6,7 @@ use radcache::Samples;
 use reproject::{Traced, Tracer};
 use scene::{Bsdf, Scene, Specular, Surface};
 
-use crate::sampler::{Sampler, hash_pair};
+use crate::sampler::{Rng, Sampler, hash_pair};
 use crate::secondary::{Follower, Secondary};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
@@ -24,10 +24,13 @@ impl<S: Secondary> Gatherer<'_, S> {
     /// Gathers `n x n` stratified samples at a surface; `key` names the point to the generator of random numbers.
     pub(crate) fn gather(&self, surface: &Surface, frame: &Frame, n: usize, key: u64, rays: &mut RayCounts) -> Samples {
         let mut samples = Samples::new(n);
+        let mut jitter = Rng::new(self.seed, key);
         for texel in 0..n * n {
+            samples.set_jitter(texel, jitter.next_2d());
+        }
+        for (texel, wi) in samples.directions().into_iter().enumerate() {
+            let wi = frame.to_world(wi);
             let mut sampler = Sampler::new(self.seed, hash_pair(key, texel as u64), 0);
-            samples.set_jitter(texel, sampler.next_2d());
-            let wi = frame.to_world(samples.direction(texel));
             let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
             let normal = found.map_or(-wi, |found| found.ng);
             samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
@@ -35,8 +38,10 @@ impl<S: Secondary> Gatherer<'_, S> {
         }
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
-        for texel in 0..n * n {
-            samples.view_dependent[texel] |= frame.to_world(samples.direction(texel)).dot(surface.ng) <= 0.0;
+        if surface.ng != frame.n {
+            for texel in 0..n * n {
+                samples.view_dependent[texel] |= frame.to_world(samples.direction(texel)).dot(surface.ng) <= 0.0;
+            }
         }
         rays.gather += (n * n) as u64;
         if self.sky.is_some() {

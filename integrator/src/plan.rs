@@ -21,8 +21,9 @@ pub(crate) struct Plan {
     pub(crate) record: RecordSettings,
     /// Reach of records, as a share of the harmonic mean distance.
     pub(crate) spacing: f32,
-    /// Largest relative difference between the corners of a lattice cell that is interpolated.
-    pub(crate) agreement: f32,
+    /// Error that a record of irradiance may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on
+    /// all of it.
+    pub(crate) error: f32,
     /// How reprojections are made.
     pub(crate) reproject: reproject::Settings,
     /// Verification rays along a side.
@@ -37,52 +38,31 @@ pub(crate) struct Plan {
     pub(crate) min_texture_alpha: f32,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
-    /// The irradiance cache, where that is the method.
-    pub(crate) cache: CachePlan,
-}
-
-/// How the irradiance cache makes its records.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct CachePlan {
-    /// Resolution of a gather.
-    pub(crate) n: usize,
-    /// Error that a record may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on all of it.
-    pub(crate) error: f32,
-    /// Smallest radius, pixels.
-    pub(crate) min_pixels: f32,
-}
-
-impl CachePlan {
-    fn new(environment: bool, settings: &Settings) -> Self {
-        let (quality, study) = (settings.quality, &settings.study);
-        let base_n = if environment { 24.0 } else { 20.0 };
-        Self {
-            n: study.resolution.unwrap_or_else(|| round(base_n * quality.sqrt().sqrt(), 8.0, 64.0)) as usize,
-            error: study.error.unwrap_or(1e-4 / quality),
-            min_pixels: 1.5,
-        }
-    }
 }
 
 impl Plan {
     pub(crate) fn new(scene: &Scene, settings: &Settings) -> Self {
         let features = scene.features();
         let quality = settings.quality;
-        let cache = settings.method == Method::Reproject;
-        // Error falls as n^-2 in relMSE and the rays of a record grow as n^2, so n goes with the square root of the time.
-        // The rim of a window in the sky and a lobe need more texels than irradiance does.
-        let base_n = match (features.environment, features.glossy) {
-            (true, _) => 48.0,
-            (false, true) => 40.0,
-            (false, false) => 32.0,
-        };
         let study = &settings.study;
         let secondary = study.secondary.unwrap_or_default();
-        let texels = |base: f32| round(base * quality.sqrt(), 4.0, 64.0);
-        let look_n = texels(LOOK_RESOLUTION);
-        let n = study.resolution.unwrap_or(if cache { texels(base_n) } else { look_n });
+        // The rim of a window in the sky and a lobe need more texels than irradiance does.
+        let (record_n, look_n) = match (features.environment, features.glossy) {
+            (true, _) => (48.0, 24.0),
+            (false, true) => (40.0, 20.0),
+            (false, false) => (32.0, 20.0),
+        };
+        // With a cache, twice the time is shared by the number of records and by their rays.
+        let with_cache = |base: f32| round(base * quality.sqrt().sqrt(), 8.0, 64.0);
+        let alone = round(GATHER_RESOLUTION * quality.sqrt(), 4.0, 64.0);
+        let (n, look_n) = match settings.method {
+            Method::Reproject => (with_cache(record_n), with_cache(look_n)),
+            Method::CacheOnly => (with_cache(look_n), with_cache(look_n)),
+            Method::Gather | Method::Path => (alone, alone),
+        };
+        let n = study.resolution.unwrap_or(n);
         let (n, look_n) = (n as usize, look_n.min(n) as usize);
-        let spp = settings.spp.unwrap_or_else(|| round(16.0 * quality, 4.0, 65_536.0));
+        let spp = settings.spp.unwrap_or_else(|| round(32.0 * quality, 4.0, 65_536.0));
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
@@ -95,16 +75,17 @@ impl Plan {
             n,
             look_n,
             record: RecordSettings {
-                layers: study.layers.unwrap_or(16) as usize,
+                layers: study.layers.unwrap_or(64) as usize,
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
-            spacing: study.spacing.unwrap_or(0.3),
-            agreement: study.agreement.unwrap_or_else(|| (0.05 / quality.sqrt()).clamp(0.01, 0.3)),
+            spacing: study.spacing.unwrap_or(0.2),
+            error: study.error.unwrap_or(1e-4 / quality),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
                 trails: study.trails(),
                 weights: study.weights(),
-                step: study.step.unwrap_or(2),
+                // One lobe sees so few holes that the noise of each ray counts.
+                step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
             },
             verify_side: study.verify.unwrap_or(2),
             global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { photons } else { 0 },
@@ -116,7 +97,6 @@ impl Plan {
             },
             min_texture_alpha: 3.0 / n as f32,
             lobe_samples: 128,
-            cache: CachePlan::new(features.environment, settings),
         }
     }
 
@@ -132,8 +112,8 @@ impl Plan {
     }
 }
 
-/// Texels along a side of a gather that serves its own point alone.
-const LOOK_RESOLUTION: f32 = 16.0;
+/// Texels along a side of a gather that serves its own point alone, at quality 1.
+const GATHER_RESOLUTION: f32 = 16.0;
 /// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less serves fewer points
 /// than could be gathered for its rays.
 const MIN_PIXELS: f32 = 1.0;

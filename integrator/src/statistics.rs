@@ -68,8 +68,10 @@ pub struct Statistics {
     pub cut_paths: u64,
     /// Distinct surfaces seen in the pixels.
     pub surface_points: u64,
-    /// Records in the cache.
+    /// Records of radiance, which are reprojected.
     pub records: u64,
+    /// Records of irradiance, which are interpolated.
+    pub irradiance_records: u64,
     /// Points whose indirect light was reprojected.
     pub reprojected: u64,
     /// Points whose indirect light was interpolated.

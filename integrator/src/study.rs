@@ -25,8 +25,6 @@ pub struct Study {
     pub merge: Option<u32>,
     /// Texels along a side of the block that a hole ray stands for, 1 to 64.
     pub step: Option<u32>,
-    /// Relative difference within which neighbours of the lattice are interpolated; 0 interpolates nothing.
-    pub agreement: Option<f32>,
     /// Verification rays along a side, 0 to 8; 0 verifies nothing.
     pub verify: Option<u32>,
     /// Light samples a primary sample, 1 to 1024.
@@ -49,8 +47,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, agreement, verify, \
-         light-samples, photons, coverage, trail, weights, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, photons, coverage, trail, weights, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -86,7 +83,6 @@ impl Study {
             "layers" => self.layers = Some(number(name, value, 2, 256)?),
             "merge" => self.merge = Some(number(name, value, 1, 64)?),
             "step" => self.step = Some(number(name, value, 1, 64)?),
-            "agreement" => self.agreement = Some(number(name, value, 0.0, 10.0)?),
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
             "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
             "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
@@ -153,7 +149,6 @@ mod tests {
             ("layers", "32"),
             ("merge", "1"),
             ("step", "3"),
-            ("agreement", "0"),
             ("verify", "0"),
             ("light-samples", "4"),
             ("photons", "1000"),

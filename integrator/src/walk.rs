@@ -2,7 +2,7 @@
 //! roulette ends it. One loop for all who ask, and none that branches, so that no scene can outgrow the stack of a thread.
 
 use glam::{Vec2, Vec3, Vec3A};
-use scene::{Lobes, Scene, Surface};
+use scene::{Lobes, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::secondary::{Shading, direct_light, mis_weight, unsampled_emission};
@@ -63,6 +63,9 @@ pub(crate) fn walk(
         }
         if taken != Taken::All && scene.features().emissive_unsampled {
             visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_2d(), rays));
+        }
+        if taken == Taken::All && bsdf.specular == Specular::None {
+            break;
         }
         let [mut u_lobe, u, v, u_roulette] = sampler.next_4d();
         let mut lobe = Lobes::SPECULAR;

@@ -91,6 +91,23 @@ impl Samples {
         hemimap::square_to_cosine_hemisphere((corner + self.jitter[texel]) / n as f32)
     }
 
+    /// [`Self::direction`] of all texels, in a fraction of the time.
+    #[must_use]
+    pub fn directions(&self) -> Vec<Vec3A> {
+        let n = self.n as usize;
+        let mut directions = Vec::with_capacity(n * n);
+        let [mut u, mut v, mut x, mut y, mut z] = [[0.0; MAX_RESOLUTION]; 5];
+        for (j, row) in self.jitter.chunks_exact(n).enumerate() {
+            for (i, jitter) in row.iter().enumerate() {
+                u[i] = (i as f32 + jitter.x) / n as f32;
+                v[i] = (j as f32 + jitter.y) / n as f32;
+            }
+            hemimap::square_to_cosine_hemisphere_slice(&u[..n], &v[..n], &mut x[..n], &mut y[..n], &mut z[..n]);
+            directions.extend((0..n).map(|i| Vec3A::new(x[i], y[i], z[i])));
+        }
+        directions
+    }
+
     /// The point that a texel's ray met, relative to the record, in its frame; the bare direction where that is infinitely far.
     #[must_use]
     pub fn point(&self, texel: usize) -> Vec3A {
@@ -152,6 +169,17 @@ mod tests {
         assert!((sphere.harmonic_distance() - 3.0).abs() < 1e-6, "centre of a sphere");
         let sky = Samples::from_fn(8, |wi| (Vec3::ONE, f32::INFINITY, -wi));
         assert_eq!(sky.harmonic_distance(), f32::INFINITY, "open sky");
+    }
+
+    #[test]
+    fn directions_are_those_of_single_texels() {
+        let mut samples = Samples::new(7);
+        samples.set_jitter(9, Vec2::new(0.1, 0.9));
+        let directions = samples.directions();
+        assert_eq!(directions.len(), 49, "all texels");
+        for (texel, direction) in directions.into_iter().enumerate() {
+            assert!(direction.abs_diff_eq(samples.direction(texel), 1e-6), "texel {texel}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 mod rooms;
 
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 use hemimap::Frame;
 use radcache::{MergeSettings, RecordSettings, Samples};
 use reproject::{Settings, Workspace};
@@ -52,7 +52,7 @@ fn elsewhere_distances_and_normals_are_those_of_rays() {
             workspace.samples(&record, &mut samples);
             for texel in 0..32 * 32 {
                 let (radiance, distance, normal) = look(p, workspace.frame().to_world(samples.direction(texel)));
-                let found = (samples.radiance[texel], samples.distance[texel], Vec3::from(samples.normal[texel]));
+                let found = (samples.radiance[texel], samples.distance[texel], samples.normal[texel]);
                 let known = workspace.frame().to_local(normal);
                 let same = (found.1 / distance - 1.0).abs() < 0.1 && found.2.dot(known.into()) > 0.95;
                 // Texels at edges may show either side; the light of merged ones is a mean.

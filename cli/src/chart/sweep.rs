@@ -137,7 +137,7 @@ impl Subject {
             load_seconds: Some(self.load_seconds),
             build_seconds: Some(self.build_seconds),
             rays: statistics.rays.total(),
-            records: statistics.records,
+            records: statistics.records + statistics.irradiance_records,
             memory_bytes: Some(statistics.memory_bytes),
             peak_memory_bytes: peak,
             threads: u32::try_from(rayon::current_num_threads()).unwrap_or(u32::MAX),

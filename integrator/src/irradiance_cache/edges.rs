@@ -83,12 +83,17 @@ impl TexelEdges {
         Self { n, edges }
     }
 
-    /// The derivatives of the light of a gather. What is nearer than `nearest` metres, above 0, counts as if it were there: its
+    /// Texels along a side.
+    pub(crate) fn resolution(&self) -> usize {
+        self.n
+    }
+
+    /// The derivatives of the light of a gather, whose rays have the given `directions`. What is nearer than `nearest` metres, above 0, counts as if it were there: its
     /// derivatives have no bound otherwise.
     ///
     /// # Panics
     /// If the gather has another resolution.
-    pub(crate) fn derivatives(&self, samples: &Samples, nearest: f32) -> Derivatives {
+    pub(crate) fn derivatives(&self, samples: &Samples, directions: &[Vec3A], nearest: f32) -> Derivatives {
         assert_eq!(samples.resolution(), self.n, "edges of this resolution");
         let owners = owners(samples);
         let mut sum = Derivatives::default();
@@ -113,7 +118,7 @@ impl TexelEdges {
                 continue;
             }
             // In units of the distance, so that no power of it leaves the range of f32.
-            let [r0, r1] = edge.on_plane(samples.direction(nearer), samples.normal[nearer].into());
+            let [r0, r1] = edge.on_plane(directions[nearer], samples.normal[nearer].into());
             let (gradient, hessian) = edge_derivatives(r0, r1);
             let unit = 1.0 / distance.max(nearest);
             for (translation, difference) in sum.translation.iter_mut().zip(difference) {
@@ -243,7 +248,8 @@ mod tests {
 
     /// What a point in the plane z = 0 sees: the first part of a gradient, and the Hessian.
     fn seen(n: usize, look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Derivatives {
-        TexelEdges::new(n).derivatives(&Samples::from_fn(n, look), 1e-6)
+        let samples = Samples::from_fn(n, look);
+        TexelEdges::new(n).derivatives(&samples, &samples.directions(), 1e-6)
     }
 
     fn reds(gradient: Gradient) -> DVec2 {
@@ -347,7 +353,7 @@ mod tests {
             if is_in_square(wi) { (Vec3::ONE, f32::INFINITY, -wi) } else { (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z) }
         });
         let (gradient, _) = differences(at);
-        let derivatives = |samples: &Samples| TexelEdges::new(n).derivatives(samples, 1e-6);
+        let derivatives = |samples: &Samples| TexelEdges::new(n).derivatives(samples, &samples.directions(), 1e-6);
         let sharp = derivatives(&window).translation;
         assert_eq!(sharp[0], [Vec3::ZERO; 2], "none of it stands at a distance");
         assert!((reds(sharp[1]) - gradient).length() < 0.02 * gradient.length(), "{:?}", sharp[1]);

@@ -28,22 +28,24 @@ impl Index {
     }
 
     /// The light at a point, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
-    /// of the soft sky. `None` where no record reaches.
-    pub(crate) fn interpolate(&self, p: Vec3A, n: Vec3A) -> Option<[Vec3; 2]> {
+    /// of the soft sky; and how many these records are. `None` where there is none.
+    pub(crate) fn interpolate(&self, p: Vec3A, n: Vec3A) -> Option<([Vec3; 2], usize)> {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
+        let mut count = 0;
         for record in self.near(p) {
             let distance = record.distance(p, n);
             if distance < 1.0 {
                 let weight = 1.0 - distance;
                 let light = record.light(p, n);
                 total += weight;
+                count += 1;
                 sum[0] += weight * light[0];
                 sum[1] += weight * light[1];
             }
         }
         // Where gradients overshoot, in the darkest corners, light is not negative.
-        (total > 0.0).then(|| sum.map(|part| (part / total).max(Vec3::ZERO)))
+        (total > 0.0).then(|| (sum.map(|part| (part / total).max(Vec3::ZERO)), count))
     }
 
     /// Number of records.
@@ -76,7 +78,7 @@ mod tests {
         let frame = Frame::from_normal(Vec3A::new(tilt, 0.0, 1.0).normalize());
         let samples = Samples::from_fn(4, |wi| (Vec3::splat(radiance), 1.0 / wi.z, Vec3A::NEG_Z));
         let rules = RecordRules { total_error: 1e-3, min_radius, max_radius: min_radius };
-        Record::new(centre, frame, &samples, &TexelEdges::new(4), &rules)
+        Record::new(centre, frame, &samples, samples.mean_radiance_by_distance(), &TexelEdges::new(4), &rules)
     }
 
     proptest! {
@@ -99,7 +101,7 @@ mod tests {
                 let naive: f32 = weights.iter().zip(&records).map(|(w, r)| w * r.light(p, n)[0].x).sum::<f32>() / total;
                 let found = index.interpolate(p, n);
                 prop_assert_eq!(found.is_some(), total > 0.0);
-                if let Some([near, _]) = found {
+                if let Some(([near, _], _)) = found {
                     // The sums run in another order: rounding of f32.
                     prop_assert!((near.x - naive).abs() <= 1e-5 * naive, "{} instead of {naive}", near.x);
                 }

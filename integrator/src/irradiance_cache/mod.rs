@@ -1,4 +1,4 @@
-//! The irradiance cache: the rival of reprojection for diffuse light, as it is used today.
+//! The irradiance cache: what reprojected points become, and with gathers in their place the rival of reprojection as it is used today.
 //!
 //! A record keeps the irradiance of one point, its gradients by turning and by moving, and the matrix of its second derivatives,
 //! the Hessian. The gradients carry it to the points around; the Hessian says how wrong that becomes, and so how far along each of
@@ -10,7 +10,8 @@
 //! | `edges` | derivatives of the light that texels bring, from the edges between them |
 //! | `record` | where a record reaches, and what it says there |
 //! | `index` | the records that may reach a point |
-//! | `fill` | which points of a picture become records |
+//! | `recorder` | records of the points of a picture |
+//! | `fill` | which points look for themselves |
 //!
 //! # Source
 //!
@@ -23,6 +24,9 @@ mod fill;
 mod hessian;
 mod index;
 mod record;
+mod recorder;
 
-pub(crate) use fill::CacheTerm;
+pub(crate) use fill::fill;
 pub(crate) use index::Index;
+pub(crate) use record::{Record, is_lit_by_few};
+pub(crate) use recorder::Recorder;

@@ -62,10 +62,10 @@ const HEIGHT_FACTOR: f32 = 5.0;
 const STEEP_SLACK: f32 = 0.01;
 /// Longest ellipse: the Hessian of few texels is too rough for more.
 const MAX_ASPECT: f32 = 2.0;
-/// Light that comes by fewer texels than these is too rough for derivatives; and a reach by its Hessian would be the shorter the more of
-/// it was met by chance, so that the records that met none would have the greatest say. Such a record reaches a share of the
-/// harmonic mean distance, by Ward's rule, which knows geometry alone.
-const FEW_TEXELS: f32 = 8.0;
+/// Light that comes by a smaller share of the texels than this is too rough for derivatives; and a reach by its Hessian would be the shorter
+/// the more of it was met by chance, so that the records that met none would have the greatest say. Such a record reaches a share
+/// of the harmonic mean distance, by Ward's rule, which knows geometry alone.
+const FEW_TEXELS: f32 = 0.015;
 const WARD_SPACING: f32 = 0.3;
 /// Texels below this cosine are near enough to the horizon for what they met to stand in the way of a point of the surface.
 const GUARD_COS: f32 = 0.7;
@@ -77,15 +77,23 @@ const GUARD_SECTORS: usize = 8;
 const GUARD_RAMP: f32 = 4.0;
 
 impl Record {
-    /// Makes a record of a gather at `centre` in `frame`.
-    pub(crate) fn new(centre: Vec3A, frame: Frame, samples: &Samples, edges: &TexelEdges, rules: &RecordRules) -> Self {
-        let mean = samples.mean_radiance_by_distance();
+    /// Makes a record of what is seen from `centre` in `frame`. `mean` is its mean radiance, of what stands at a distance and of the soft sky,
+    /// which may be better known than as the mean of the texels.
+    pub(crate) fn new(
+        centre: Vec3A,
+        frame: Frame,
+        samples: &Samples,
+        mean: [Vec3; 2],
+        edges: &TexelEdges,
+        rules: &RecordRules,
+    ) -> Self {
         let far = samples.harmonic_distance();
+        let directions = samples.directions();
         let limited = |radius: f32| radius.min(far).min(rules.max_radius).max(rules.min_radius);
-        let (derivatives, radii, axis) = if lit_texels(samples) < FEW_TEXELS {
+        let (derivatives, radii, axis) = if is_lit_by_few(samples) {
             (Derivatives::default(), [limited(WARD_SPACING * far); 2], Vec2::X)
         } else {
-            let derivatives = edges.derivatives(samples, rules.min_radius);
+            let derivatives = edges.derivatives(samples, &directions, rules.min_radius);
             let light = luminance(mean[0] + mean[1]);
             let (curvatures, axis) = derivatives.hessian.eigen();
             // Where the first derivative is so large, light falls to 0 within the radius: no second derivative tells of that.
@@ -99,7 +107,7 @@ impl Record {
         let Derivatives { translation, rotation, .. } = derivatives;
         let mut ellipse = Symmetric::mixed(axis, axis).scaled(0.5 / (first * first));
         ellipse += Symmetric::mixed(axis.perp(), axis.perp()).scaled(0.5 / (second * second));
-        let guards = guards(samples, &frame, second);
+        let guards = guards(samples, &directions, &frame, second);
         Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], guards }
     }
 
@@ -154,19 +162,22 @@ impl Record {
     }
 }
 
-/// Number of texels that bring the light of a gather, if all of them were equally bright; 0 in the dark.
-fn lit_texels(samples: &Samples) -> f32 {
+/// Whether so few texels bring the light that chance decides how much it is.
+pub(crate) fn is_lit_by_few(samples: &Samples) -> bool {
+    lit_share(samples) < FEW_TEXELS
+}
+
+/// Share of the texels that bring the light of a gather, if all of them were equally bright; 0 in the dark.
+fn lit_share(samples: &Samples) -> f32 {
     let light = samples.radiance.iter().map(|&radiance| luminance(radiance));
     let (sum, sum_sq) = light.fold((0.0, 0.0), |(sum, sum_sq), l| (sum + l, sum_sq + l * l));
-    if sum_sq > 0.0 { sum / sum_sq * sum } else { 0.0 }
+    if sum_sq > 0.0 { sum / sum_sq * sum / samples.radiance.len() as f32 } else { 0.0 }
 }
 
 /// The nearest planes of what a gather met near its horizon, by the azimuth of their normals; none that is farther than `reach`.
-fn guards(samples: &Samples, frame: &Frame, reach: f32) -> Vec<Guard> {
-    let n = samples.resolution();
+fn guards(samples: &Samples, directions: &[Vec3A], frame: &Frame, reach: f32) -> Vec<Guard> {
     let mut nearest: [Option<(f32, Vec3A)>; GUARD_SECTORS] = [None; GUARD_SECTORS];
-    for texel in 0..n * n {
-        let wi = samples.direction(texel);
+    for (texel, &wi) in directions.iter().enumerate() {
         if wi.z > GUARD_COS || samples.distance[texel].is_infinite() {
             continue;
         }
@@ -196,7 +207,9 @@ mod tests {
 
     fn record(rules: &RecordRules, look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Record {
         let frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };
-        Record::new(Vec3A::ZERO, frame, &Samples::from_fn(N, look), &TexelEdges::new(N), rules)
+        let samples = Samples::from_fn(N, look);
+        let mean = samples.mean_radiance_by_distance();
+        Record::new(Vec3A::ZERO, frame, &samples, mean, &TexelEdges::new(N), rules)
     }
 
     /// An endless wall of radiance 1 and height 1 at x = 1, black night elsewhere.

@@ -1,10 +1,12 @@
 //! The fourth term of eq. 7, indirect light on diffuse surfaces, and with it the soft sky and the gloss that textures carry: from
 //! the cache of records, or gathered at every point.
 //!
-//! Points of the picture form a lattice. Level by level, coarse to fine, a point is interpolated where its neighbours of the
-//! coarser level lie on one surface and agree, and evaluated where they do not. To evaluate, a record is reprojected; a point
-//! that no record serves, or whose verification rays disagree with what they meet, becomes a record itself. Records are made in
-//! batches of fixed order and frozen while they are read, so the result does not depend on the number of threads.
+//! A point that looks for itself has a record of radiance reprojected to it; one that no record serves, or whose verification rays
+//! disagree with what they meet, gathers, and becomes a record of radiance itself. Records are made in batches of fixed order and
+//! frozen while they are read, so the result does not depend on the number of threads.
+//!
+//! Diffuse points need not all look for themselves: what one sees, by reprojection or by a gather, makes it a record of irradiance with
+//! derivatives, and those around it take their light from that ([`irradiance_cache`]).
 
 use glam::Vec3;
 use hemimap::Frame;
@@ -15,7 +17,7 @@ use reproject::{Shares, Verdict, Workspace};
 use super::glossy::{lobe_weights, needs_texture};
 use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
-use crate::lattice::{Lattice, STRIDES};
+use crate::irradiance_cache::{self, Recorder};
 use crate::plan::Plan;
 use crate::sampler::hash;
 use crate::secondary::{Secondary, Shading};
@@ -31,8 +33,14 @@ pub(crate) struct Incident {
     pub(crate) sky: Vec3,
     /// Indirect light that the glossy part reflects, where a texture carries it.
     pub(crate) glossy: Vec3,
-    /// Within this distance the light is about the same, metres.
-    pub(crate) reach: f32,
+}
+
+/// What a point found by looking for itself.
+#[derive(Debug)]
+pub(crate) struct Look {
+    pub(crate) incident: Incident,
+    /// What others may take of it: nothing where gloss needs a texture, or where no cache is kept.
+    pub(crate) record: Option<irradiance_cache::Record>,
 }
 
 /// What the evaluation of points counted.
@@ -53,6 +61,8 @@ pub(crate) struct Counts {
 pub(crate) struct IndirectTerm<'a, S> {
     pub(crate) gatherer: Gatherer<'a, S>,
     pub(crate) plan: &'a Plan,
+    /// Makes records of irradiance, where there is a cache.
+    pub(crate) recorder: Option<Recorder>,
     /// Who writes down what happens at the points of one pixel, if anybody does.
     pub(crate) witness: Option<&'a Witness>,
     /// Size of the scene, metres.
@@ -65,91 +75,78 @@ const MIN_BATCH: usize = 64;
 const BATCH_SHARE: usize = 4;
 
 /// What became of a point that asked the cache.
+#[expect(clippy::large_enum_variant, reason = "most answers are of the large kind")]
 enum Answer {
     /// A record served it.
-    Served(Incident, Shares, RayCounts),
+    Served(Look, Shares, RayCounts),
     /// It must become a record.
     Missing(RayCounts),
 }
 
 /// Buffers of a thread.
-#[derive(Default)]
 struct Buffers {
     workspace: Workspace,
     weights: Vec<Vec3>,
+    samples: Samples,
+}
+
+impl Default for Buffers {
+    fn default() -> Self {
+        Self { workspace: Workspace::new(), weights: Vec::new(), samples: Samples::new(1) }
+    }
 }
 
 impl<S: Secondary> IndirectTerm<'_, S> {
     /// Gathers at every point, without a cache.
     pub(crate) fn gather_all(&self, points: &[SurfacePoint], counts: &mut Counts) -> Vec<Incident> {
-        let found: Vec<(Incident, RayCounts)> = points
-            .par_iter()
-            .map_init(Vec::new, |weights, point| {
+        let mut values = vec![Incident::default(); points.len()];
+        let todo = (0..points.len()).filter(|&number| self.asks(&points[number])).collect();
+        for (number, look) in self.gather(points, todo, counts) {
+            values[number] = look.incident;
+        }
+        values
+    }
+
+    /// Gathers at the points `todo`.
+    pub(crate) fn gather(&self, points: &[SurfacePoint], todo: Vec<usize>, counts: &mut Counts) -> Vec<(usize, Look)> {
+        counts.gathered += todo.len() as u64;
+        let found: Vec<(usize, Look, RayCounts)> = todo
+            .into_par_iter()
+            .map_init(Vec::new, |weights, number| {
+                let point = &points[number];
                 let mut rays = RayCounts::default();
-                if !self.asks(point) {
-                    return (Incident::default(), rays);
-                }
+                // A lobe is seen by its own point alone.
+                let n = if needs_texture(&point.shading, self.plan) { self.plan.look_n } else { self.plan.n };
                 let frame = Frame::from_normal(point.shading.surface.n);
-                let samples = self.gatherer.gather(&point.shading.surface, &frame, self.plan.n, point.key, &mut rays);
-                self.tell(point, || Step::Gathered { resolution: self.plan.n, record: None });
-                (self.of_samples(&samples, &frame, point, weights), rays)
+                let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, &mut rays);
+                self.tell(point, || Step::Gathered { resolution: n, record: None });
+                (number, self.look(&samples, &frame, point, weights), rays)
             })
             .collect();
-        counts.gathered += points.iter().filter(|point| self.asks(point)).count() as u64;
         found
             .into_iter()
-            .map(|(incident, rays)| {
+            .map(|(number, look, rays)| {
                 counts.rays += rays;
-                incident
+                (number, look)
             })
             .collect()
     }
 
     /// Whether anything of a point is lit by a texture: a narrow lobe alone is traced.
-    fn asks(&self, point: &SurfacePoint) -> bool {
+    pub(crate) fn asks(&self, point: &SurfacePoint) -> bool {
         point.shading.bsdf.has_diffuse() || needs_texture(&point.shading, self.plan)
     }
 
-    /// Evaluates or interpolates every point, making records where they are missing.
-    pub(crate) fn reproject_all(&self, lattice: &Lattice, index: &mut Index, counts: &mut Counts) -> Vec<Incident> {
-        let points = lattice.points();
-        let mut values: Vec<Option<Incident>> =
-            points.iter().map(|point| (!self.asks(point)).then(Incident::default)).collect();
-        for stride in STRIDES {
-            let level = lattice.level(stride, &values);
-            let interpolated: Vec<Option<Incident>> = level
-                .par_iter()
-                .map(|&number| {
-                    let takes_texture = needs_texture(&points[number].shading, self.plan);
-                    if takes_texture { None } else { lattice.interpolate(number, stride, &values, self.plan.agreement) }
-                })
-                .collect();
-            let mut rest = Vec::new();
-            for (&number, value) in level.iter().zip(interpolated) {
-                match value {
-                    Some(value) => {
-                        values[number] = Some(value);
-                        counts.interpolated += 1;
-                        self.tell(&points[number], || Step::Interpolated { stride });
-                    }
-                    None => rest.push(number),
-                }
-            }
-            self.evaluate(points, rest, index, &mut values, counts);
-        }
-        values.into_iter().map(|value| value.expect("the last level holds every point")).collect()
-    }
-
-    /// Evaluates the points `todo` in passes: what the cache can serve is served, a batch of the others becomes records, and the
+    /// Reprojects to the points `todo` in passes: what the records can serve is served, a batch of the others becomes records, and the
     /// rest asks again.
-    fn evaluate(
+    pub(crate) fn reproject(
         &self,
         points: &[SurfacePoint],
         mut todo: Vec<usize>,
         index: &mut Index,
-        values: &mut [Option<Incident>],
         counts: &mut Counts,
-    ) {
+    ) -> Vec<(usize, Look)> {
+        let mut looks = Vec::with_capacity(todo.len());
         while !todo.is_empty() {
             let frozen = &*index;
             let answers: Vec<Answer> = todo
@@ -159,8 +156,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let mut missing = Vec::new();
             for (&number, answer) in todo.iter().zip(answers) {
                 match answer {
-                    Answer::Served(incident, shares, rays) => {
-                        values[number] = Some(incident);
+                    Answer::Served(look, shares, rays) => {
+                        looks.push((number, look));
                         counts.rays += rays;
                         counts.reprojected += 1;
                         counts.filled += f64::from(shares.filled);
@@ -176,19 +173,20 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             // Spread over the picture, so that the records of a batch seldom serve each other's place.
             missing.sort_by_key(|&number| hash(points[number].key));
             let batch = missing.len().min((missing.len() / BATCH_SHARE).max(MIN_BATCH));
-            let made: Vec<(Option<Record>, Incident, RayCounts)> = missing[..batch]
+            let made: Vec<(Option<Record>, Look, RayCounts)> = missing[..batch]
                 .par_iter()
                 .map_init(Vec::new, |weights, &number| self.make_record(&points[number], weights))
                 .collect();
-            for (&number, (record, incident, rays)) in missing.iter().zip(made) {
+            for (&number, (record, look, rays)) in missing.iter().zip(made) {
                 index.extend(record);
-                values[number] = Some(incident);
+                looks.push((number, look));
                 counts.rays += rays;
                 counts.gathered += 1;
             }
             todo = missing.split_off(batch);
             todo.sort_unstable();
         }
+        looks
     }
 
     /// Asks the cache for a point.
@@ -201,7 +199,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return Answer::Missing(tracer.rays);
         };
         let record = index.record(found.record);
-        let Buffers { workspace, weights } = buffers;
+        let Buffers { workspace, weights, samples } = buffers;
         let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.reproject);
         let (holds, verdict, second_verdict) = self.verify(workspace, record, point, &mut tracer);
         if !holds {
@@ -209,20 +207,31 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             self.tell(point, || Step::Refused { record: RecordFacts::new(record, surface.p), verdict });
             return Answer::Missing(tracer.rays);
         }
-        let hole_rays = workspace.trace_holes(self.plan.reproject.step, point.key, &mut tracer);
+        let frame = workspace.frame();
+        let takes_texture = needs_texture(&point.shading, self.plan);
+        if takes_texture {
+            self.weigh(&point.shading, &frame, workspace.resolution(), point.key, weights);
+        }
+        let step = self.plan.reproject.step;
+        let hole_rays = if point.shading.bsdf.has_diffuse() {
+            workspace.trace_holes(step, point.key, &mut tracer)
+        } else {
+            workspace.trace_holes_under(weights, step, point.key, &mut tracer)
+        };
         self.tell(point, || {
             let record = RecordFacts::new(record, surface.p);
             Step::Reprojected { record, verdict, second_verdict, shares, hole_rays }
         });
         let [near, sky] = workspace.mean_radiance_by_distance();
-        let mut incident = Incident { near, sky, glossy: Vec3::ZERO, reach: record.harmonic_distance() };
-        if needs_texture(&point.shading, self.plan) {
-            let frame = workspace.frame();
-            self.weigh(&point.shading, &frame, workspace.resolution(), point.key, weights);
+        let mut incident = Incident { near, sky, glossy: Vec3::ZERO };
+        if takes_texture {
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
             [incident.glossy, _] = workspace.weighted_sum_by_distance(record, weights);
+            return Answer::Served(Look { incident, record: None }, shares, tracer.rays);
         }
-        Answer::Served(incident, shares, tracer.rays)
+        workspace.samples(record, samples);
+        let record = self.recorder.as_ref().map(|recorder| recorder.record(point, frame, samples, [near, sky]));
+        Answer::Served(Look { incident, record }, shares, tracer.rays)
     }
 
     /// Asks four rays whether the elements are where the record says, and sixteen more where two of them disagree. Whether the
@@ -251,45 +260,51 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         (share(second) < REFUSED, first, Some(second))
     }
 
-    /// The light of a point by a gather, and the record that comes of it, if that would reach anybody.
-    fn make_record(&self, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> (Option<Record>, Incident, RayCounts) {
+    /// What a point sees by a gather, and the record of radiance that comes of it, if that would repay its rays.
+    fn make_record(&self, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> (Option<Record>, Look, RayCounts) {
+        /// A record must reach at least so many times as far as one of irradiance that the first look makes.
+        const REPAID: f32 = 0.7;
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
         let validity: Validity = self.plan.validity(point.footprint, self.scene_size);
-        // A first look with fewer rays is enough for a point in a crease, whose record would serve nobody.
-        let look = self.gatherer.gather(surface, &frame, self.plan.look_n, hash(point.key), &mut rays);
-        if validity.radius(&look) <= 0.0 {
-            let incident = self.of_samples(&look, &frame, point, weights);
-            self.tell(point, || Step::Gathered { resolution: look.resolution(), record: None });
-            return (None, incident, rays);
+        let samples = self.gatherer.gather(surface, &frame, self.plan.look_n, hash(point.key), &mut rays);
+        let look = self.look(&samples, &frame, point, weights);
+        let enough = look.record.as_ref().map_or(0.0, |record| REPAID * record.reach());
+        // What one texel shows or not, elements cannot carry to other places.
+        if validity.radius(&samples) <= enough || irradiance_cache::is_lit_by_few(&samples) {
+            self.tell(point, || Step::Gathered { resolution: samples.resolution(), record: None });
+            return (None, look, rays);
         }
         let samples = self.gatherer.gather(surface, &frame, self.plan.n, point.key, &mut rays);
-        let incident = self.of_samples(&samples, &frame, point, weights);
+        let look = self.look(&samples, &frame, point, weights);
         let record = Record::new(surface.p, frame, samples, &self.plan.record, &validity);
         self.tell(point, || Step::Gathered {
             resolution: self.plan.n,
             record: Some(RecordFacts::new(&record, surface.p)),
         });
-        (Some(record), incident, rays)
+        (Some(record), look, rays)
     }
 
-    /// The light of a point that has samples of its own.
-    fn of_samples(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Incident {
-        let [near, sky] = samples.mean_radiance_by_distance();
-        let mut glossy = Vec3::ZERO;
+    /// What a point has of samples of its own.
+    fn look(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Look {
+        let mean = samples.mean_radiance_by_distance();
+        let [near, sky] = mean;
+        let mut incident = Incident { near, sky, glossy: Vec3::ZERO };
         if needs_texture(&point.shading, self.plan) {
             self.weigh(&point.shading, frame, samples.resolution(), point.key, weights);
             let texels = samples.radiance.iter().zip(&samples.background_share).zip(weights.iter());
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
-            glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
+            incident.glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
+            return Look { incident, record: None };
         }
-        Incident { near, sky, glossy, reach: samples.harmonic_distance() }
+        let record = self.recorder.as_ref().map(|recorder| recorder.record(point, *frame, samples, mean));
+        Look { incident, record }
     }
 
     /// Tells the witness, if there is one.
     #[inline]
-    fn tell(&self, point: &SurfacePoint, step: impl FnOnce() -> Step) {
+    pub(crate) fn tell(&self, point: &SurfacePoint, step: impl FnOnce() -> Step) {
         if let Some(witness) = self.witness {
             witness.tell(point, step);
         }

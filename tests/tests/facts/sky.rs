@@ -68,7 +68,8 @@ fn sphere_on_plane_shadows_the_sky() {
         // From the side, where the ball does not stand in the way.
         let scene = plane.clone().view(at + Vec3::new(0.3, 0.0, 0.15) * x, at, 8.0).build();
         for method in METHODS {
-            let effort = Effort { path_spp: 128, spp: 4, quality: 1.0, ..Effort::default() };
+            // A picture of so small a place has a few records; only the mean over many pictures tells more than their noise.
+            let effort = Effort { path_spp: 32, spp: 4, seeds: 16, quality: 1.0, ..Effort::default() };
             measure(&scene, method, &effort, known).assert_holds(&format!("x = {x}"));
         }
     }
