@@ -67,7 +67,7 @@ impl Plan {
         let lit = !scene.lights().is_empty();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if features.glossy { 0.1 } else { 2.0 };
-        let max_side = study.merge.map_or(4, |side| u8::try_from(side).unwrap_or(u8::MAX));
+        let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
         Self {
             secondary,
             spp,
@@ -75,7 +75,7 @@ impl Plan {
             n,
             look_n,
             record: RecordSettings {
-                layers: study.layers.unwrap_or(64) as usize,
+                layers: study.layers.unwrap_or(32) as usize,
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
             spacing: study.spacing.unwrap_or(0.2),
