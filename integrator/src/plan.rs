@@ -79,7 +79,8 @@ impl Plan {
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
             spacing: study.spacing.unwrap_or(0.2),
-            error: study.error.unwrap_or(1e-4 / quality),
+            // Where records cost less, there are more of them.
+            error: study.error.unwrap_or(if settings.method == Method::Reproject { 5e-5 } else { 1e-4 } / quality),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
                 trails: study.trails(),
