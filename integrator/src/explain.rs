@@ -11,7 +11,7 @@ use radcache::Record;
 use reproject::{Shares, Verdict};
 use scene::Scene;
 
-use crate::film::{Band, Film, Terms};
+use crate::film::{Band, Terms};
 use crate::lattice::Lattice;
 use crate::render::render_watched;
 use crate::surface_points::SurfacePoint;
@@ -134,18 +134,8 @@ pub fn explain(
     let witness = Witness::new(pixel);
     let rendering = render_watched(scene, settings, progress, Some(&witness))?;
     let points = witness.points.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Ok(Explanation { terms: terms_of(&rendering.film, pixel), points, statistics: rendering.statistics })
-}
-
-fn terms_of(film: &Film, pixel: UVec2) -> Terms {
-    let index = pixel.y as usize * film.size.x as usize + pixel.x as usize;
-    Terms {
-        emitted: film.emitted[index],
-        direct: film.direct[index],
-        specular: film.specular[index],
-        caustic: film.caustic[index],
-        indirect: film.indirect[index],
-    }
+    let terms = rendering.film.terms(pixel.y as usize * settings.size.x as usize + pixel.x as usize);
+    Ok(Explanation { terms, points, statistics: rendering.statistics })
 }
 
 /// Writes down what happens at the points of one pixel.

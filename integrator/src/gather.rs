@@ -28,7 +28,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         for texel in 0..n * n {
             samples.set_jitter(texel, jitter.next_2d());
         }
-        for (texel, wi) in samples.directions().into_iter().enumerate() {
+        let directions = samples.directions();
+        for (texel, &wi) in directions.iter().enumerate() {
             let wi = frame.to_world(wi);
             let mut sampler = Sampler::new(self.seed, hash_pair(key, texel as u64), 0);
             let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
@@ -39,8 +40,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
-            for texel in 0..n * n {
-                samples.view_dependent[texel] |= frame.to_world(samples.direction(texel)).dot(surface.ng) <= 0.0;
+            for (is_marked, wi) in samples.view_dependent.iter_mut().zip(directions) {
+                *is_marked |= frame.to_world(wi).dot(surface.ng) <= 0.0;
             }
         }
         rays.gather += (n * n) as u64;

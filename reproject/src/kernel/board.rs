@@ -48,20 +48,27 @@ pub(crate) trait Word:
     fn widen(self) -> u64;
 }
 
+/// What all words have in common, for they are primitive integers.
+macro_rules! single_bits {
+    ($word:ty) => {
+        const BITS: usize = <$word>::BITS as usize;
+        #[inline(always)]
+        fn from_bit(k: u32) -> Self {
+            if k < <$word>::BITS { Self::MAX << k } else { 0 }
+        }
+        #[inline(always)]
+        fn bit(k: usize) -> Self {
+            1 << k
+        }
+        #[inline(always)]
+        fn ones(self) -> u32 {
+            self.count_ones()
+        }
+    };
+}
+
 impl Word for u32 {
-    const BITS: usize = 32;
-    #[inline(always)]
-    fn from_bit(k: u32) -> Self {
-        if k < 32 { Self::MAX << k } else { 0 }
-    }
-    #[inline(always)]
-    fn bit(k: usize) -> Self {
-        1 << k
-    }
-    #[inline(always)]
-    fn ones(self) -> u32 {
-        self.count_ones()
-    }
+    single_bits!(u32);
     #[inline(always)]
     fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2] {
         let mut counts = [0; 2];
@@ -89,19 +96,7 @@ impl Word for u32 {
 }
 
 impl Word for u64 {
-    const BITS: usize = 64;
-    #[inline(always)]
-    fn from_bit(k: u32) -> Self {
-        if k < 64 { Self::MAX << k } else { 0 }
-    }
-    #[inline(always)]
-    fn bit(k: usize) -> Self {
-        1 << k
-    }
-    #[inline(always)]
-    fn ones(self) -> u32 {
-        self.count_ones()
-    }
+    single_bits!(u64);
     #[inline(always)]
     fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2] {
         let mut counts = [0; 2];

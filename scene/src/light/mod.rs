@@ -67,6 +67,14 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+/// Density per steradian of a point that was chosen uniformly on an area and is seen at the cosine to its normal; 0 where that is no number
+/// or the point is seen from behind.
+#[inline]
+fn pdf_by_area(cosine: f32, area: f32, distance_sq: f32) -> f32 {
+    let pdf = distance_sq / (cosine * area);
+    if pdf > 0.0 && pdf.is_finite() { pdf } else { 0.0 }
+}
+
 /// The start of a photon, chosen by [`Lights::emit`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Emission {

@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use glam::{DVec2, Vec2, Vec3, Vec3A};
 
 use super::triangle::{TriangleLight, leave};
-use super::{Emission, LightSample};
+use super::{Emission, LightSample, pdf_by_area};
 use crate::{Aabb, Surface};
 
 /// An emissive rectangle.
@@ -128,8 +128,7 @@ impl RectangleLight {
     }
 
     fn pdf_by_area(&self, wi: Vec3A, distance_sq: f32) -> f32 {
-        let pdf = distance_sq / (-self.normal.dot(wi) * self.area());
-        if pdf > 0.0 && pdf.is_finite() { pdf } else { 0.0 }
+        pdf_by_area(-self.normal.dot(wi), self.area(), distance_sq)
     }
 
     pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {

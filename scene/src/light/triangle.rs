@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample};
+use super::{Emission, LightSample, pdf_by_area};
 use crate::{Ray, Surface, surface};
 
 /// An emissive triangle.
@@ -83,7 +83,7 @@ impl TriangleLight {
                 let distance_sq = offset.length_squared();
                 let distance = distance_sq.sqrt();
                 let wi = offset / distance;
-                let pdf = distance_sq / (-self.normal.dot(wi) * self.area) * probability;
+                let pdf = pdf_by_area(-self.normal.dot(wi), self.area, distance_sq) * probability;
                 (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
                     wi,
                     distance,
@@ -101,10 +101,7 @@ impl TriangleLight {
         match self.near(p) {
             #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
             Some(triangle) => (1.0 / triangle.solid_angle) as f32,
-            None => {
-                let pdf = surface.p.distance_squared(p) / (-self.normal.dot(wi) * self.area);
-                if pdf > 0.0 && pdf.is_finite() { pdf } else { 0.0 }
-            }
+            None => pdf_by_area(-self.normal.dot(wi), self.area, surface.p.distance_squared(p)),
         }
     }
 

@@ -13,24 +13,34 @@ use super::values::{Length, Point};
 use crate::Projection;
 use crate::load::error::LoadError;
 
+/// The [`Shape`] of a table: a form's or a part's, which have these fields by the same names.
+macro_rules! shape {
+    ($table:expr) => {{
+        let table = $table.get_ref();
+        Shape {
+            span: $table.span(),
+            form: FormShape {
+                origin: table.origin,
+                quadric: table.quadric.as_ref(),
+                perturbations: &table.perturbations,
+                weight: table.weight,
+            },
+            operations: [
+                (Operation::Union, table.union.as_deref()),
+                (Operation::Intersection, table.intersection.as_deref()),
+                (Operation::Difference, table.difference.as_deref()),
+                (Operation::Complement, table.complement.as_deref().map(std::slice::from_ref)),
+            ],
+            psi: table.psi,
+            clip: table.clip.as_ref(),
+            transform: transformation(table.scale, table.rotate, table.translate),
+        }
+    }};
+}
+
 /// Makes the solid of a `[[form]]`.
 pub(super) fn solid(table: &Spanned<FormTable>, source: &Source) -> Result<Solid, LoadError> {
-    let span = table.span();
-    let table = table.get_ref();
-    let form = FormShape {
-        origin: table.origin,
-        quadric: table.quadric.as_ref(),
-        perturbations: &table.perturbations,
-        weight: table.weight,
-    };
-    let operations = [
-        (Operation::Union, table.union.as_deref()),
-        (Operation::Intersection, table.intersection.as_deref()),
-        (Operation::Difference, table.difference.as_deref()),
-        (Operation::Complement, table.complement.as_deref().map(std::slice::from_ref)),
-    ];
-    let transform = transformation(table.scale, table.rotate, table.translate);
-    Shape { span, form, operations, psi: table.psi, clip: table.clip.as_ref(), transform }.solid(source)
+    shape!(table).solid(source)
 }
 
 /// Makes the projection of a `[[form]]`, which is placed with the form.
@@ -61,22 +71,7 @@ pub(super) fn projection(table: &FormTable, source: &Source) -> Result<Option<Pr
 
 /// Makes the solid of a part of a set operation. It calls itself for parts of parts, as deep as the reader of the file allows.
 fn part(table: &Spanned<PartTable>, source: &Source) -> Result<Solid, LoadError> {
-    let span = table.span();
-    let table = table.get_ref();
-    let form = FormShape {
-        origin: table.origin,
-        quadric: table.quadric.as_ref(),
-        perturbations: &table.perturbations,
-        weight: table.weight,
-    };
-    let operations = [
-        (Operation::Union, table.union.as_deref()),
-        (Operation::Intersection, table.intersection.as_deref()),
-        (Operation::Difference, table.difference.as_deref()),
-        (Operation::Complement, table.complement.as_deref().map(std::slice::from_ref)),
-    ];
-    let transform = transformation(table.scale, table.rotate, table.translate);
-    Shape { span, form, operations, psi: table.psi, clip: table.clip.as_ref(), transform }.solid(source)
+    shape!(table).solid(source)
 }
 
 /// What forms and parts have in common.
