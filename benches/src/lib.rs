@@ -6,6 +6,8 @@ pub mod rooms;
 
 pub mod bodies;
 pub mod gathers;
+pub mod plot;
+pub mod renders;
 
 use glam::Vec3A;
 use radcache::{Record, RecordSettings};

@@ -110,10 +110,17 @@ impl Summary<'_> {
         );
         table.counts("samples lost", &[("not finite", s.dropped_samples), ("cut at the longest path", s.cut_paths)]);
         let peak = self.peak_memory_bytes.map_or("unknown".to_owned(), megabytes);
-        table.row(
-            "memory",
-            format!("{peak} at its peak, {} of it scene, records, photons and film", megabytes(s.memory_bytes)),
-        );
+        let kinds = [
+            ("scene", s.memory.scene),
+            ("photons", s.memory.photons),
+            ("cells", s.memory.cells),
+            ("records", s.memory.records),
+            ("of irradiance", s.memory.irradiance_records),
+            ("film", s.memory.film),
+        ];
+        let present = kinds.iter().filter(|(_, bytes)| *bytes > 0);
+        let kinds: String = present.map(|(what, bytes)| format!(", {what} {}", megabytes(*bytes))).collect();
+        table.row("memory", format!("{peak} at its peak{kinds}"));
         table.row("exposure", format!("{:+.2} EV", self.exposure));
         table.text
     }
@@ -159,7 +166,7 @@ fn megabytes(bytes: u64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use integrator::{Phase, RayCounts};
+    use integrator::{Memory, Phase, RayCounts};
 
     use super::*;
 
@@ -190,13 +197,14 @@ mod tests {
             render_seconds: 1.5,
             phases: vec![Phase { name: "photons".into(), seconds: 1.25 }],
             rays: RayCounts { camera: 1_234_567, ..RayCounts::default() },
+            memory: Memory { film: 21_000_000, ..Memory::default() },
             ..Statistics::default()
         };
         let table = summary(&statistics).table();
         for words in [
             "seconds  load 0.25, build 0.50, light tables 0.01, photons 1.25, encode 0.12",
             "camera 1 234 567",
-            "123 MB",
+            "123 MB at its peak, film 21 MB",
             "-0.50 EV",
         ] {
             assert!(table.contains(words), "{words} in\n{table}");

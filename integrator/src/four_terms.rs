@@ -80,7 +80,9 @@ pub(crate) fn render<S: Secondary>(
     statistics.spp = plan.spp;
     statistics.records = index.len() as u64;
     statistics.irradiance_records = irradiance.len() as u64;
-    statistics.memory_bytes += (index.memory_bytes() + irradiance.memory_bytes()) as u64 + film.memory_bytes();
+    statistics.memory.records = index.memory_bytes() as u64;
+    statistics.memory.irradiance_records = irradiance.memory_bytes() as u64;
+    statistics.memory.film = film.memory_bytes();
     film
 }
 

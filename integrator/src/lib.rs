@@ -34,5 +34,5 @@ pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};
 pub use sky::SkySplit;
-pub use statistics::{Phase, Progress, RayCounts, Statistics};
+pub use statistics::{Memory, Phase, Progress, RayCounts, Statistics};
 pub use study::{Study, StudyError};

@@ -288,7 +288,7 @@ pub(crate) fn render(
 ) -> Film {
     let mut film = Film::new(settings.size);
     statistics.spp = settings.path_spp();
-    statistics.memory_bytes += film.memory_bytes();
+    statistics.memory.film = film.memory_bytes();
     statistics.time("path", |statistics| {
         let finished = AtomicU32::new(0);
         let tracers: Vec<PathTracer<'_>> = film

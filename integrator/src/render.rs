@@ -47,7 +47,8 @@ pub(crate) fn render_watched(
 ) -> Result<Rendering, SettingsError> {
     settings.validate()?;
     let start = Instant::now();
-    let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
+    let mut statistics = Statistics::default();
+    statistics.memory.scene = scene.memory_bytes() as u64;
     let film = match settings.method {
         Method::Path => path::render(scene, settings, progress, &mut statistics),
         Method::Reproject | Method::Gather | Method::CacheOnly => {
@@ -90,7 +91,8 @@ pub fn render_with(
     }
     settings.validate()?;
     let start = Instant::now();
-    let mut statistics = Statistics { memory_bytes: scene.memory_bytes() as u64, ..Statistics::default() };
+    let mut statistics = Statistics::default();
+    statistics.memory.scene = scene.memory_bytes() as u64;
     let plan = Plan::new(scene, settings);
     let sky = SkySplit::new(scene);
     let film = four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), &mut statistics, progress, None);
@@ -115,7 +117,7 @@ fn solve_cells(
     let seed = hash_pair(settings.seed, CELL_STREAM);
     let builder = CellBuilder { scene, sky, caustic, seed, ray_budget: plan.cell_rays };
     let cells = builder.build(settings.size, &mut statistics.rays);
-    statistics.memory_bytes += cells.memory_bytes() as u64;
+    statistics.memory.cells = cells.memory_bytes() as u64;
     progress(Progress { phase: "cells", done: 1.0 });
     cells
 }
@@ -144,7 +146,7 @@ fn shoot(
     statistics.photons_shot += maps.global_counts.shot + maps.caustic_counts.shot;
     statistics.photons_global += maps.global_counts.stored;
     statistics.photons_caustic += maps.caustic_counts.stored;
-    statistics.memory_bytes += maps.memory_bytes();
+    statistics.memory.photons = maps.memory_bytes();
     progress(Progress { phase: "photons", done: 1.0 });
     maps
 }

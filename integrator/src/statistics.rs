@@ -41,6 +41,31 @@ impl AddAssign for RayCounts {
     }
 }
 
+/// Memory at the end of a rendering by what it holds, bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Memory {
+    /// Geometry with its tree, materials, textures and lights.
+    pub scene: u64,
+    /// Photon maps.
+    pub photons: u64,
+    /// The solution for the light at secondary hits.
+    pub cells: u64,
+    /// Records of radiance with their index.
+    pub records: u64,
+    /// Records of irradiance with their index.
+    pub irradiance_records: u64,
+    /// The picture.
+    pub film: u64,
+}
+
+impl Memory {
+    /// Returns the sum of all.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.scene + self.photons + self.cells + self.records + self.irradiance_records + self.film
+    }
+}
+
 /// The time of one phase.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Phase {
@@ -90,8 +115,8 @@ pub struct Statistics {
     pub photons_global: u64,
     /// Photons in the caustic map.
     pub photons_caustic: u64,
-    /// Memory of scene, photon maps, records and film, bytes.
-    pub memory_bytes: u64,
+    /// Memory by what it holds.
+    pub memory: Memory,
 }
 
 impl Statistics {

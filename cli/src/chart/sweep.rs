@@ -138,7 +138,7 @@ impl Subject {
             build_seconds: Some(self.build_seconds),
             rays: statistics.rays.total(),
             records: statistics.records + statistics.irradiance_records,
-            memory_bytes: Some(statistics.memory_bytes),
+            memory_bytes: Some(statistics.memory.total()),
             peak_memory_bytes: peak,
             threads: u32::try_from(rayon::current_num_threads()).unwrap_or(u32::MAX),
             cpu: machine::processor(),
