@@ -148,7 +148,7 @@ pub(crate) struct Signs {
     pub(crate) first: f64,
     /// Last sign that is known.
     pub(crate) last: f64,
-    /// Unknown signs between known ones may hide two more changes.
+    /// Unknown signs may hide more changes: between known ones two, and one where more than the coefficient of an end is unknown.
     pub(crate) doubtful: bool,
 }
 
@@ -172,6 +172,8 @@ pub(crate) fn signs(coefficients: &[f64; COUNT], noise: [f64; 3]) -> Signs {
             continue;
         };
         if signs.first == 0.0 {
+            // The first coefficient alone could only hide a root at the very end; two could hide one anywhere.
+            signs.doubtful |= unknown > 1;
             signs.first = sign;
         } else {
             // One unknown between different signs changes nothing.
@@ -181,6 +183,7 @@ pub(crate) fn signs(coefficients: &[f64; COUNT], noise: [f64; 3]) -> Signs {
         signs.last = sign;
         unknown = 0;
     }
+    signs.doubtful |= signs.first != 0.0 && unknown > 1;
     signs
 }
 
@@ -230,6 +233,13 @@ mod tests {
         assert_eq!(s, Signs { variations: 1, first: 1.0, last: -1.0, doubtful: true }, "one change among the known");
         let s = signs(&[1e-17, 1.0, 1e-17, -1.0, -1.0, -1.0, 1e-17], [0.0, 1e-16, 1e-16]);
         assert_eq!(s, Signs { variations: 1, first: 1.0, last: -1.0, doubtful: false }, "one unknown at a change");
+        let s = signs(&[1e-17, -1.0, -1.0, -1.0, -1.0, -1.0, 1e-17], [1e-16; 3]);
+        assert_eq!(s, Signs { variations: 0, first: -1.0, last: -1.0, doubtful: false }, "one unknown at each end");
+        for coefficients in [[1e-17, 1e-17, -1.0, -1.0, -1.0, -1.0, -1.0], [-1.0, -1.0, -1.0, -1.0, -1.0, 1e-17, 1e-17]]
+        {
+            let s = signs(&coefficients, [1e-16; 3]);
+            assert_eq!(s, Signs { variations: 0, first: -1.0, last: -1.0, doubtful: true }, "two at one end");
+        }
         let s = signs(&[0.0; COUNT], [0.0; 3]);
         assert_eq!(s, Signs { variations: 0, first: 0.0, last: 0.0, doubtful: false }, "nothing known");
     }

@@ -138,18 +138,23 @@ struct Bumps<'a>(&'a [(Quadratic, Range)]);
 
 /// Returns the number of crossings and the sides of both ends where all forms agree.
 pub(crate) fn count(form: &RawForm, ray: &RawRay, spread: f64) -> Option<Counted> {
-    count_and_find(form, ray, spread, &mut Vec::new())
+    count_and_find(form, ray, spread, None)
 }
 
 /// Returns the same for a finite ray, and writes between which ray parameters each crossing is.
 pub(crate) fn find(form: &RawForm, ray: &RawRay, spread: f64, found: &mut Vec<(f64, f64)>) -> Option<Counted> {
     found.clear();
-    let counted = count_and_find(form, ray, spread, found)?;
+    let counted = count_and_find(form, ray, spread, Some(found))?;
     assert_eq!(usize::try_from(counted.crossings), Ok(found.len()), "every crossing is found on a finite ray");
     Some(counted)
 }
 
-fn count_and_find(form: &RawForm, ray: &RawRay, spread: f64, found: &mut Vec<(f64, f64)>) -> Option<Counted> {
+fn count_and_find(
+    form: &RawForm,
+    ray: &RawRay,
+    spread: f64,
+    mut found: Option<&mut Vec<(f64, f64)>>,
+) -> Option<Counted> {
     let finite = ray.t_min.is_finite() && ray.t_max.is_finite();
     let shift = if finite { 0.5 * (ray.t_min + ray.t_max) } else { 0.0 };
     let base = shifted(along(&form.base, ray, spread), shift);
@@ -205,11 +210,14 @@ fn count_and_find(form: &RawForm, ray: &RawRay, spread: f64, found: &mut Vec<(f6
         }
         let bumps = Bumps(&acting);
         if lo.is_finite() && hi.is_finite() {
-            let first = found.len();
-            crossings += count_on(base, &bumps, lo, hi, 0, found)?.0;
-            for (lo, hi) in &mut found[first..] {
-                narrow(&all, lo, hi);
-                (*lo, *hi) = ((*lo + shift).next_down(), (*hi + shift).next_up());
+            let mut between = Vec::new();
+            crossings += count_on(base, &bumps, lo, hi, 0, &mut between)?.0;
+            // Narrowing takes most of the time where nobody asks for it.
+            if let Some(found) = &mut found {
+                for (mut lo, mut hi) in between {
+                    narrow(&all, &mut lo, &mut hi);
+                    found.push(((lo + shift).next_down(), (hi + shift).next_up()));
+                }
             }
             continue;
         }
