@@ -31,7 +31,7 @@ const START_ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Rounding of a start point as a share of the largest number that entered it.
 const POINT_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// The ray in the frame of a form: `p + s d` with s = t - t0, and p the point of the ray nearest to the form's middle.
+/// The ray in the frame of a form: `p + s d` with s = t - t0, and p the point of the ray nearest to the form's origin, or to its middle if that is elsewhere.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Local {
     pub(crate) p: DVec3,
@@ -65,8 +65,11 @@ impl Local {
         }
         let (o, d) = (ray.origin - home, ray.direction);
         let (near, far) = extent.clip(o, d, ray.t_min, ray.t_max)?;
+        // The middle of the box, but along an axis along which it holds the form's origin that: numbers are smallest about there, and where a loose box
+        // reached 130 far from a small body, terms that cancel hid its crossings.
+        let holds_origin = extent.min.cmple(DVec3::ZERO) & extent.max.cmpge(DVec3::ZERO);
         let middle = 0.5 * (extent.min + extent.max);
-        let middle = DVec3::select(middle.is_finite_mask(), middle, DVec3::ZERO);
+        let middle = DVec3::select(middle.is_finite_mask() & !holds_origin, middle, DVec3::ZERO);
         let t0 = ((middle - o).dot(d) / d.length_squared()).clamp(near, far);
         let p = o + t0 * d;
         let d_length = d.length();

@@ -284,18 +284,22 @@ fn parity_matches_exact_arithmetic() {
 }
 
 #[test]
-fn a_start_on_the_surface_hides_no_root_behind_it() {
-    // The ray enters where a perturbation ends, within rounding, and that piece is 1895 long: both of its first coefficients are below its rounding.
-    let index = 22_682_u64;
-    let mut random = Random(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    let raw = random_form(&mut random);
-    let ray = RawRay {
-        origin: [-0.807_137_362_000_100_2, -0.168_116_616_691_852_4, -1.063_674_169_675_666_2],
-        direction: [-0.999_991_262_694_846_2, 0.0, 0.004_180_255_251_460_41],
-        t_min: f64::NEG_INFINITY,
-        t_max: f64::INFINITY,
-    };
-    let exact = exact::count(&raw, &ray).expect("decidable");
-    assert_eq!(exact.crossings, 2, "in at 0, out at 0.65");
-    assert_eq!(found(&Solid::from(build(&raw)), &ray), exact, "both are found");
+fn rays_that_were_missed_once_are_met() {
+    let line = |origin, direction| RawRay { origin, direction, t_min: f64::NEG_INFINITY, t_max: f64::INFINITY };
+    // Enters where a perturbation ends, within rounding, and that piece is 1895 long: both of its first coefficients are below its rounding.
+    let at_a_break = line(
+        [-0.807_137_362_000_100_2, -0.168_116_616_691_852_4, -1.063_674_169_675_666_2],
+        [-0.999_991_262_694_846_2, 0.0, 0.004_180_255_251_460_41],
+    );
+    // Two crossings 2 10^-6 apart, near the form's origin and 65 from the middle of its box.
+    let far_from_the_middle = line(
+        [1.099_613_136_506_986, -0.575_477_808_619_705, -0.510_970_219_638_768_4],
+        [0.628_124_544_065_630_9, -0.657_766_488_444_488_9, -0.415_695_566_276_270_9],
+    );
+    for (index, ray) in [(22_682_u64, at_a_break), (35_380, far_from_the_middle)] {
+        let raw = random_form(&mut Random(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+        let exact = exact::count(&raw, &ray).expect("decidable");
+        assert_eq!(exact.crossings, 2, "form {index}: in and out");
+        assert_eq!(found(&Solid::from(build(&raw)), &ray), exact, "form {index}: both are found");
+    }
 }
