@@ -130,7 +130,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
                 let cell = UVec2::new(number % PROBE_SIDE, number / PROBE_SIDE).as_vec2();
                 let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
                 let film = (cell + sampler.next_2d()) / PROBE_SIDE as f32 * size.as_vec2();
-                let ray = self.scene.camera().ray(film, size);
+                let ray = self.scene.camera_ray(film, size);
                 rays.camera += 1;
                 if let Some((seen, _)) = self.to_diffuse(ray, Vec3::ONE, &mut sampler, &mut rays) {
                     for way in 0..PROBE_RAYS {

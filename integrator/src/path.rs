@@ -225,7 +225,7 @@ impl PathTracer<'_> {
             return None;
         }
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf.pdf(Lobes::ALL, wo, wi)) };
-        Some(value * weight)
+        Some(value * weight * self.scene.transmittance_within(surface.media, light.distance))
     }
 }
 
@@ -315,13 +315,12 @@ pub(crate) fn render(
 impl PathTracer<'_> {
     fn fill(&mut self, mut band: Band<'_>, settings: &Settings) {
         let spp = settings.path_spp();
-        let camera = self.scene.camera();
         for index in 0..band.pixel_count() {
             let corner = band.position(index).as_vec2();
             let mut sum = PixelSum::default();
             for number in 0..spp {
                 let mut sampler = Sampler::new(settings.seed, band.film_index(index) as u64, number);
-                let ray = camera.ray(corner + sampler.next_pair(), settings.size);
+                let ray = self.scene.camera_ray(corner + sampler.next_pair(), settings.size);
                 let sample = self.trace(&ray, &mut sampler);
                 sum.add_terms(&sample.terms, 1.0);
                 if let Some(hit) = &sample.first_hit {

@@ -149,7 +149,11 @@ pub(crate) fn direct_light(
         return nothing;
     }
     rays.shadow += 1;
-    if scene.occluded(&surface.shadow_ray(light.wi, light.distance)) { nothing } else { (diffuse, specular) }
+    if scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
+        return nothing;
+    }
+    let through = scene.transmittance_within(surface.media, light.distance);
+    (diffuse * through, specular * through)
 }
 
 /// Direct light of sources that light sampling does not know, such as surfaces whose holes a mask draws, reflected by the diffuse part: by one
@@ -161,7 +165,7 @@ pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays
     let surface = scene.surface(&ray, &hit);
     let emission = scene.emission(&surface);
     let known = emission == Vec3::ZERO || scene.lights().pdf_surface(shading.surface.p, ray.direction, &surface) > 0.0;
-    if known { Vec3::ZERO } else { shading.bsdf.diffuse * emission }
+    if known { Vec3::ZERO } else { shading.bsdf.diffuse * emission * scene.transmittance(&surface) }
 }
 
 fn unshadowed(bsdf: &Bsdf, wo: Vec3A, wi: Vec3A, light: &LightSample, sky: Option<&SkySplit>) -> (Vec3, Vec3) {

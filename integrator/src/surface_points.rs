@@ -85,7 +85,7 @@ impl<S: Secondary> Primary<'_, S> {
             let film = position.as_vec2() + sampler.next_2d();
             let mut terms = Terms::default();
             let mut stack = vec![Branch {
-                ray: self.scene.camera().ray(film, self.size),
+                ray: self.scene.camera_ray(film, self.size),
                 beta: Vec3::ONE,
                 chain: 0,
                 bounces: 0,
@@ -283,7 +283,7 @@ mod tests {
         let scene = Scene::new(Description { meshes: vec![mesh], materials, ..Description::default() }).unwrap();
         let ray = Ray::new(Vec3A::new(1.0, 0.0, 5.0), Vec3A::NEG_Z);
         let moved = |barycentrics| {
-            let hit = Hit { t: 5.0, primitive: 0, barycentrics };
+            let hit = Hit { t: 5.0, primitive: 0, barycentrics, media: ray.media };
             let shading = Shading::new(&scene, scene.surface(&ray, &hit), ray.direction);
             let after = off_seams(&scene, shading, &ray, &hit, 0.01);
             (shading.surface.p, after.surface.p)

@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::description::NO_INDEX;
+use crate::media::MediumTable;
 use crate::{
     BuildError, Description, Environment, FormObject, Material, Mesh, Noise, PunctualLight, SpecularKind, Texture,
 };
@@ -36,6 +37,7 @@ pub(crate) fn check(description: &Description) -> Result<(), BuildError> {
     for (index, material) in description.materials.iter().enumerate() {
         check_material(index, material, description.textures.len())?;
     }
+    check_media(&description.materials)?;
     for (index, texture) in description.textures.iter().enumerate() {
         check_texture(index, texture)?;
     }
@@ -118,6 +120,20 @@ fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), B
     }
     if form.solid.form_count() > MAX_PARTS {
         return Err(BuildError::Form { form: form.name.clone(), index, what: "it has more than 16 million parts" });
+    }
+    Ok(())
+}
+
+/// Of transparent materials with priorities there are at most so many as can be numbered.
+fn check_media(materials: &[Material]) -> Result<(), BuildError> {
+    let priorities = materials.iter().filter_map(|material| match material.specular {
+        SpecularKind::Dielectric { priority, .. } => Some(priority),
+        _ => None,
+    });
+    let count = priorities.clone().count();
+    if count > MediumTable::MAX && priorities.clone().any(|priority| priority != 0) {
+        let what = "materials of glass beside one with a priority";
+        return Err(BuildError::TooMany { what, count, limit: MediumTable::MAX });
     }
     Ok(())
 }

@@ -108,12 +108,14 @@ pub enum SpecularKind {
     },
     /// A smooth dielectric body; `diffuse` is not used.
     Dielectric {
-        /// Refractive index of the inside over that of the outside.
+        /// Refractive index of the inside over that of the outside; over that of air, where priorities say that something else is outside.
         ior: f32,
         /// Factor for light that passes the surface.
         tint: Vec3,
         /// Absorption coefficient inside, per metre.
         absorption: Vec3,
+        /// Which of overlapping bodies is there: the one of the highest. Where no material has another than 0, each boundary is taken for itself.
+        priority: i32,
     },
 }
 

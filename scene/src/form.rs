@@ -59,7 +59,8 @@ impl Form {
             let crossing = self.body.first_hit(&range)?;
             #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
             let t = crossing.t as f32;
-            let hit = Hit { t, primitive, barycentrics: Vec2::new(crossing.part as f32, 0.0) };
+            let barycentrics = Vec2::new(crossing.part as f32, 0.0);
+            let hit = Hit { t, primitive, barycentrics, media: ray.media };
             if t > ray.t_min && t < ray.t_max && (!self.cut_out || keep(&hit)) {
                 return Some(hit);
             }

@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3A};
 
+use crate::Media;
+
 /// A half line in world space, valid for ray parameters in (`t_min`, `t_max`).
 ///
 /// A ray whose direction is far from unit length (its square outside [0.5, 2], NaN included), or whose origin is not finite,
@@ -16,14 +18,16 @@ pub struct Ray {
     pub t_min: f32,
     /// Hits at or beyond this parameter do not count.
     pub t_max: f32,
+    /// The transparent bodies in which it starts.
+    pub media: Media,
 }
 
 impl Ray {
-    /// Returns the ray from `origin` along the unit vector `direction`, without an end.
+    /// Returns the ray from `origin` along the unit vector `direction`, without an end and outside of transparent bodies.
     #[inline]
     #[must_use]
     pub fn new(origin: Vec3A, direction: Vec3A) -> Self {
-        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY, media: Media::NONE }
     }
 
     /// Returns the point at parameter `t`.
@@ -50,4 +54,6 @@ pub struct Hit {
     pub primitive: u32,
     /// Weights of the triangle's second and third corner. On a free form x is the number of the part that was hit.
     pub barycentrics: Vec2,
+    /// The transparent bodies in which the ray arrives.
+    pub media: Media,
 }

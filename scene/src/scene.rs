@@ -3,15 +3,17 @@
 use std::time::Instant;
 
 use freeform::Solid;
-use glam::{Vec3, Vec3A};
+use glam::{UVec2, Vec2, Vec3, Vec3A};
 
 use crate::bvh::{Bvh, Primitive};
 use crate::check;
 use crate::form::Form;
 use crate::light::{FormLight, TriangleLight};
+use crate::media::MediumTable;
 use crate::triangles::Triangles;
 use crate::{
-    Aabb, Bsdf, BuildError, Camera, Description, Hit, Lights, Material, Ray, Specular, SpecularKind, Surface, Texture,
+    Aabb, Bsdf, BuildError, Camera, Description, Hit, Lights, Material, Media, Ray, Specular, SpecularKind, Surface,
+    Texture,
 };
 
 /// A scene, checked and ready: geometry in a tree, materials, lights and camera. It never changes, so threads share it freely.
@@ -23,9 +25,12 @@ pub struct Scene {
     unbounded: Vec<u32>,
     bvh: Bvh,
     materials: Vec<Material>,
+    mediums: MediumTable,
     textures: Vec<Texture>,
     lights: Lights,
     camera: Camera,
+    /// The transparent bodies in which the eye lies.
+    eye_media: Media,
     bounds: Aabb,
     features: Features,
     light_seconds: f64,
@@ -95,28 +100,39 @@ impl Scene {
         let light_seconds = start.elapsed().as_secs_f64();
         let features = features(&triangles, &forms, &materials, &lights);
         let camera = camera.unwrap_or_else(|| Camera::framing(bounds));
-        Ok(Self {
+        let mut scene = Self {
             triangles,
             forms,
             unbounded,
             bvh,
+            mediums: MediumTable::new(&materials),
             materials,
             textures,
             lights,
             camera,
+            eye_media: Media::NONE,
             bounds,
             features,
             light_seconds,
-        })
+        };
+        scene.eye_media = scene.media_at(camera.eye.into());
+        Ok(scene)
     }
 
-    /// Returns the nearest hit in the ray's range.
+    /// Returns the nearest hit in the ray's range; boundaries within a transparent body of higher priority are passed.
     ///
     /// Where a surface is there in part only (`opacity`, masks), a hash of the ray and the primitive decides, so that the same ray
     /// always gives the same answer.
     #[inline]
     #[must_use]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let hit = self.nearest(ray)?;
+        if ray.media.is_empty() { Some(hit) } else { self.unhidden(ray, hit) }
+    }
+
+    /// Returns the nearest hit, whether or not something is hidden there.
+    #[inline]
+    fn nearest(&self, ray: &Ray) -> Option<Hit> {
         let mut nearest =
             self.bvh.closest(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit));
         if !self.unbounded.is_empty() && ray.is_valid() {
@@ -130,10 +146,51 @@ impl Scene {
         nearest
     }
 
+    /// Passes boundaries of transparent bodies that are none, for a stronger body is there.
+    #[cold]
+    fn unhidden(&self, ray: &Ray, mut hit: Hit) -> Option<Hit> {
+        let mut ray = *ray;
+        loop {
+            let surface = self.surface(&ray, &hit);
+            if surface.medium == 0 || !self.mediums.hides(surface.media, surface.medium) {
+                return Some(hit);
+            }
+            ray.media = surface.media.beyond(surface.medium, surface.front);
+            ray.t_min = behind(hit.t);
+            hit = self.nearest(&ray)?;
+        }
+    }
+
+    /// Returns the transparent bodies in which a point lies, the outermost first: those that a ray from there leaves and has not entered. None
+    /// where no material has a priority.
+    #[must_use]
+    pub fn media_at(&self, p: Vec3A) -> Media {
+        let mut media = Media::NONE;
+        if self.mediums.is_empty() {
+            return media;
+        }
+        // Along no axis, or it might run in a face.
+        let mut ray = Ray::new(p, Vec3A::new(0.267_261, 0.534_523, 0.801_784));
+        while let Some(hit) = self.nearest(&ray) {
+            let surface = self.surface(&ray, &hit);
+            let medium = surface.medium;
+            if medium != 0 && !surface.front && !ray.media.contains(medium) {
+                media = media.within(medium);
+            } else if medium != 0 {
+                ray.media = ray.media.beyond(medium, surface.front);
+            }
+            ray.t_min = behind(hit.t);
+        }
+        media
+    }
+
     /// Whether anything stands in the ray's range; glass does, holes do not.
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray) -> bool {
+        if !ray.media.is_empty() {
+            return self.intersect(ray).is_some();
+        }
         self.bvh.any(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit))
             || (!self.unbounded.is_empty()
                 && ray.is_valid()
@@ -155,6 +212,7 @@ impl Scene {
             let point = self.triangles.point(index, hit.barycentrics);
             let front = point.ng.dot(wo) >= 0.0;
             let (ng, n) = if front { (point.ng, point.n) } else { (-point.ng, -point.n) };
+            let material = self.triangles.material(index);
             Surface {
                 p: point.p,
                 ng,
@@ -162,9 +220,11 @@ impl Scene {
                 front,
                 uv: self.triangles.uv(index, hit.barycentrics),
                 t: hit.t,
-                material: self.triangles.material(index),
+                material,
                 primitive: hit.primitive,
                 p_error: point.p_error,
+                media: hit.media,
+                medium: self.mediums.number(material),
             }
         } else {
             let form = &self.forms[index - self.triangles.len()];
@@ -181,6 +241,8 @@ impl Scene {
                 material: form.material,
                 primitive: hit.primitive,
                 p_error: point.p_error,
+                media: hit.media,
+                medium: self.mediums.number(form.material),
             }
         }
     }
@@ -207,7 +269,11 @@ impl Scene {
                 Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular: Specular::Mirror { reflectance } }
             }
             SpecularKind::Dielectric { ior, tint, .. } => {
-                let eta = if surface.front { ior } else { 1.0 / ior };
+                let eta = match surface.medium {
+                    0 if surface.front => ior,
+                    0 => 1.0 / ior,
+                    medium => self.mediums.eta(surface.media, medium, surface.front),
+                };
                 Bsdf { diffuse: Vec3::ZERO, specular: Specular::Dielectric { eta, tint } }
             }
         }
@@ -221,16 +287,31 @@ impl Scene {
     }
 
     /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray met
-    /// an absorbing dielectric from within.
+    /// an absorbing dielectric from within and, in scenes with priorities, wherever it was in one.
     #[inline]
     #[must_use]
     pub fn transmittance(&self, surface: &Surface) -> Vec3 {
+        if !self.mediums.is_empty() {
+            let media = self.mediums.before(surface.media, surface.medium, surface.front);
+            return self.transmittance_within(media, surface.t);
+        }
         match self.materials[surface.material as usize].specular {
             SpecularKind::Dielectric { absorption, .. } if !surface.front && absorption != Vec3::ZERO => {
                 (-absorption * surface.t).exp()
             }
             _ => Vec3::ONE,
         }
+    }
+
+    /// Returns the share of the light that is left after `distance` metres within transparent bodies; all of it after an infinite distance, for what
+    /// is seen there is the sky.
+    #[inline]
+    #[must_use]
+    pub fn transmittance_within(&self, media: Media, distance: f32) -> Vec3 {
+        if media.is_empty() || distance.is_infinite() {
+            return Vec3::ONE;
+        }
+        self.mediums.filling(media).map_or(Vec3::ONE, |medium| (-medium.absorption * distance).exp())
     }
 
     /// Returns the radiance that arrives from the unit vector `direction` where nothing stands, W m^-2 sr^-1.
@@ -250,6 +331,13 @@ impl Scene {
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
+    }
+
+    /// Returns the camera's ray through a point of the film (see [`Camera::ray`]), in the transparent bodies in which the eye lies.
+    #[inline]
+    #[must_use]
+    pub fn camera_ray(&self, film: Vec2, size: UVec2) -> Ray {
+        Ray { media: self.eye_media, ..self.camera.ray(film, size) }
     }
 
     /// Returns the box around all triangles and bounded free forms, metres.
@@ -329,6 +417,13 @@ impl Scene {
         let mask = material.opacity_texture.map_or(1.0, |texture| self.textures[texture as usize].mask(uv));
         ray_hash(ray, hit.primitive) < material.opacity * mask
     }
+}
+
+/// Returns the ray parameter from which on a ray that passes a surface at `t` looks for the next. The margin is for rays through the edge of
+/// two triangles, which may meet both; what is nearer behind one another than a millionth of `t` is passed together.
+fn behind(t: f32) -> f32 {
+    const MARGIN: f32 = 8.0 * f32::EPSILON;
+    (t * (1.0 + MARGIN)).max(t.next_up())
 }
 
 impl Material {

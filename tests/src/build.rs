@@ -38,8 +38,14 @@ pub fn gloss(alpha: f32, reflectance: f32) -> Material {
 /// Returns smooth glass that absorbs `absorption` a metre.
 #[must_use]
 pub fn glass(ior: f32, absorption: f32) -> Material {
+    glass_before(ior, absorption, 0)
+}
+
+/// Returns the same with a priority.
+#[must_use]
+pub fn glass_before(ior: f32, absorption: f32, priority: i32) -> Material {
     let absorption = Vec3::splat(absorption);
-    Material { specular: SpecularKind::Dielectric { ior, tint: Vec3::ONE, absorption }, ..black() }
+    Material { specular: SpecularKind::Dielectric { ior, tint: Vec3::ONE, absorption, priority }, ..black() }
 }
 
 /// A description under construction.

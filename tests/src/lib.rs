@@ -8,7 +8,7 @@ mod measure;
 mod shapes;
 mod study;
 
-pub use build::{Builder, black, glass, gloss, lambert, lamp, mirror};
+pub use build::{Builder, black, glass, glass_before, gloss, lambert, lamp, mirror};
 pub use closed_forms::{polygon_irradiance, sphere_irradiance};
 pub use measure::{Effort, METHODS, Measured, Pictures, Term, film, measure, print};
 pub use shapes::{cuboid, icosphere};

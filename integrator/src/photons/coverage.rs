@@ -27,7 +27,7 @@ pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, kern
     // The apex stands as high as the disc is wide, or half way below what is in the way. Its ray starts a little above the point, which
     // is rounded and may lie behind the surface.
     let start = 1e-3 * radius;
-    let up = Ray { origin: p + n * start, direction: n, t_min: 0.0, t_max: radius };
+    let up = Ray { t_max: radius, ..Ray::new(p + n * start, n) };
     let height = start + scene.intersect(&up).map_or(radius, |hit| 0.5 * hit.t);
     let apex = p + n * height;
 

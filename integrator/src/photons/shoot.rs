@@ -225,7 +225,8 @@ impl Source {
         let [choice, x, y, z, w] = u;
         let emission = scene.lights().emit(choice, Vec2::new(x, y), Vec2::new(z, w))?;
         let flux = emission.flux * (scale / density);
-        (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray: emission.ray, flux })
+        let ray = Ray { media: scene.media_at(emission.ray.origin), ..emission.ray };
+        (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray, flux })
     }
 }
 

@@ -32,7 +32,10 @@ pub fn mirror(reflectance: f32) -> Material {
 
 /// Clear glass.
 pub fn glass(ior: f32) -> Material {
-    Material { specular: SpecularKind::Dielectric { ior, tint: Vec3::ONE, absorption: Vec3::ZERO }, ..black() }
+    Material {
+        specular: SpecularKind::Dielectric { ior, tint: Vec3::ONE, absorption: Vec3::ZERO, priority: 0 },
+        ..black()
+    }
 }
 
 /// A description under construction: each piece of geometry brings its material.

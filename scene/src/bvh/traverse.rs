@@ -177,7 +177,7 @@ impl Bvh {
             let lane = mask.trailing_zeros() as usize & 3;
             mask &= mask - 1;
             let (t, barycentrics) = packet.hit(lane, &lanes, ray);
-            let hit = Hit { t, primitive: packet.primitives[lane] & PRIMITIVE, barycentrics };
+            let hit = Hit { t, primitive: packet.primitives[lane] & PRIMITIVE, barycentrics, media: ray.media };
             if t > ray.t_min && t < t_max && (packet.primitives[lane] & CUT_OUT == 0 || keep(&hit)) {
                 t_max = t;
                 nearest = Some(hit);

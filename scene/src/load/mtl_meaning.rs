@@ -71,7 +71,7 @@ fn dielectric(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings) -> Result
         warnings.add(format!("{}: rough glass is not supported, it is taken as smooth", Place::file(file)));
     }
     let tint = mtl.filter.unwrap_or(Vec3::ONE);
-    Ok(Some(SpecularKind::Dielectric { ior: index.value, tint, absorption: Vec3::ZERO }))
+    Ok(Some(SpecularKind::Dielectric { ior: index.value, tint, absorption: Vec3::ZERO, priority: 0 }))
 }
 
 /// Metal, mirror, gloss or Lambert, with the diffuse albedo.
@@ -144,7 +144,11 @@ mod tests {
     fn glass_is_tinted_and_never_cut_out() {
         let glass = meaning("Kd 0.3 0.3 0.3; Tf 1 0.9 0.8; Ni 1.5; d 0; illum 7");
         let tint = Vec3::new(1.0, 0.9, 0.8);
-        assert_eq!(glass.specular, SpecularKind::Dielectric { ior: 1.5, tint, absorption: Vec3::ZERO }, "illum 7");
+        assert_eq!(
+            glass.specular,
+            SpecularKind::Dielectric { ior: 1.5, tint, absorption: Vec3::ZERO, priority: 0 },
+            "illum 7"
+        );
         assert_eq!((glass.opacity, glass.diffuse), (1.0, Vec3::ZERO), "d and Kd are ignored");
         let cut = meaning("Kd 0.3 0.3 0.3; Ni 1; d 0.25; illum 4");
         assert_eq!((cut.specular, cut.opacity), (SpecularKind::None, 0.25), "an index of 1 is air");

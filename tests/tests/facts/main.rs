@@ -8,6 +8,7 @@ mod furnace;
 mod glass;
 mod lamps;
 mod leaks;
+mod media;
 mod meshes;
 mod sky;
 mod study;

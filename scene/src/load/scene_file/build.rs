@@ -146,6 +146,7 @@ fn material(loader: &mut Loader<'_>, table: &MaterialTable, source: &Source) -> 
             ior: glass.ior.0,
             tint: glass.tint.map_or(Vec3::ONE, |tint| tint.0),
             absorption: glass.absorption.map_or(Vec3::ZERO, |absorption| absorption.0),
+            priority: glass.priority,
         },
         _ => {
             let what = format!("material {} has more than one of gloss, mirror and glass", quoted(table.name.as_ref()));

@@ -115,6 +115,8 @@ pub(super) struct GlassTable {
     pub(super) ior: Index,
     pub(super) tint: Option<Share>,
     pub(super) absorption: Option<Amount>,
+    #[serde(default)]
+    pub(super) priority: i32,
 }
 
 #[derive(Debug, Default, Deserialize)]
