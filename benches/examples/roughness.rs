@@ -1,7 +1,7 @@
 //! A floor from rough to smooth: error and time, across the roughness where a lobe becomes narrower than the texels resolve, as a table in Markdown.
 //!
-//! `cargo run --release -p benches --example roughness`; four minutes on two cores, most of them for the references by the path tracer. The
-//! resolution is fixed, so that the crossover, alpha = 3/n, is where the table says.
+//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 14 of them without any; five minutes on two cores, most of them
+//! for the references by the path tracer. The resolution is fixed, so that the crossover, alpha = 3/n, is where the table says.
 
 use benches::renders::{Runs, processor, render};
 use glam::{UVec2, Vec3};
@@ -57,12 +57,14 @@ fn reference(scene: &Scene) -> Reference {
 
 #[expect(clippy::print_stdout, reason = "the table is the result")]
 fn main() {
+    let wanted: Vec<f32> = std::env::args().skip(1).map(|alpha| alpha.parse().expect("a number")).collect();
+    let alphas = if wanted.is_empty() { ALPHAS.to_vec() } else { wanted };
     println!("{}, {} threads, {SIDE} x {SIDE}\n", processor(), rayon::current_num_threads());
     println!(
         "| alpha | reference's own | reproject s | relMSE | robust | ratio of means | gather s | relMSE | robust | ratio of means |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
-    for (number, alpha) in ALPHAS.into_iter().enumerate() {
+    for (number, alpha) in alphas.iter().copied().enumerate() {
         let scene = scene(alpha);
         let reference = reference(&scene);
         let own = reference.own_rel_mse().expect("a finite picture").expect("there are several batches");
@@ -77,7 +79,7 @@ fn main() {
             }
             let [plain, robust] = runs.errors(&reference).expect("a finite reference");
             // The first that is traced instead of looked up in the texture.
-            let is_first = number > 0 && alpha < crossover && ALPHAS[number - 1] >= crossover;
+            let is_first = number > 0 && alpha < crossover && alphas[number - 1] >= crossover;
             let mark = if is_first { " (traced)" } else { "" };
             print!(" {:.3}{mark} | {plain} | {robust} | {:.4} |", runs.seconds(), runs.ratio());
         }
