@@ -51,7 +51,7 @@ pub struct Features {
     pub absorbing: bool,
     /// Surfaces with holes (`opacity` below 1 or masked).
     pub cut_outs: bool,
-    /// Surfaces that shine but are not among the lights that are sampled: triangles with masks, and free forms that are unbounded or there in part only.
+    /// Surfaces that shine but are not among the lights that are sampled: triangles and free forms with masks, and unbounded free forms.
     pub emissive_unsampled: bool,
     /// Triangles and free forms that shine and are sampled.
     pub area_lights: bool,
@@ -463,7 +463,7 @@ fn triangle_lights(triangles: &Triangles, materials: &[Material]) -> Vec<Triangl
     (0u32..).zip(0..triangles.len()).filter_map(light).collect()
 }
 
-/// Returns the free forms that shine. Those without bounds and those with holes are left to chance: behind a hole light sampling would see no farther.
+/// Returns the free forms that shine; those without bounds and those whose holes are drawn by a mask are left to chance.
 fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<FormLight> {
     let first = triangles.len();
     let shines = |form: &Form| materials[form.material as usize].is_emissive();
@@ -471,8 +471,8 @@ fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) ->
     let light = |(primitive, form): (usize, &Form)| {
         let material = &materials[form.material as usize];
         let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
-        let sampled = shines(form) && !form.cut_out && form.bounds.is_some();
-        sampled.then(|| FormLight::new(&form.body, material.emission, primitive, count)).flatten()
+        let sampled = shines(form) && material.opacity_texture.is_none() && form.bounds.is_some();
+        sampled.then(|| FormLight::new(&form.body, material.emission, material.opacity, primitive, count)).flatten()
     };
     (first..).zip(forms).filter_map(light).collect()
 }
@@ -507,7 +507,7 @@ fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], light
         .for_each(|(material, _)| add(material, material.opacity_texture.is_none()));
     for form in forms {
         let material = &materials[form.material as usize];
-        add(material, !form.cut_out && form.bounds.is_some());
+        add(material, material.opacity_texture.is_none() && form.bounds.is_some());
     }
     features
 }

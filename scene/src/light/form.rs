@@ -31,8 +31,10 @@ pub(crate) struct FormLight {
     centre: DVec3,
     radius: f64,
     area: f64,
-    /// Radiance, W m^-2 sr^-1.
+    /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean.
     radiance: Vec3,
+    /// Whether it is there in part, so that rays may see what is behind its front.
+    is_pierced: bool,
     /// Its index among the scene's primitives.
     pub(super) primitive: u32,
 }
@@ -49,8 +51,8 @@ const AREA_LINES: u32 = 4096;
 const AREA_LINES_TOTAL: usize = 1 << 20;
 
 impl FormLight {
-    /// Makes a light, one of `count`; `None` where the form has no bounds, no area or no radiance.
-    pub(crate) fn new(body: &Body, radiance: Vec3, primitive: u32, count: usize) -> Option<Self> {
+    /// Makes a light, one of `count`; `None` where the form has no bounds, no area or no radiance. `opacity` is the share of it that is there.
+    pub(crate) fn new(body: &Body, emission: Vec3, opacity: f32, primitive: u32, count: usize) -> Option<Self> {
         let (min, max) = body.bounds()?;
         let ellipsoid = ellipsoid(body.solid()).map(|to_unit| body.world_to_local().map_or(to_unit, |m| to_unit * *m));
         let centre = 0.5 * (min + max);
@@ -62,13 +64,14 @@ impl FormLight {
             // A little more than the ball, for what rounding takes.
             radius: ball.map_or(0.5 * (max - min).length(), |radius| radius * (1.0 + 1e-9)),
             area: 0.0,
-            radiance,
+            radiance: emission * opacity,
+            is_pierced: opacity < 1.0,
             primitive,
         };
         let lines =
             u32::try_from(AREA_LINES_TOTAL / count.max(1)).map_or(AREA_LINES, |lines| lines.clamp(64, AREA_LINES));
         light.area = ball.map_or_else(|| light.measured_area(lines), |radius| 4.0 * PI * radius * radius);
-        (light.area > 0.0 && light.area.is_finite() && radiance.max_element() > 0.0).then_some(light)
+        (light.area > 0.0 && light.area.is_finite() && light.radiance.max_element() > 0.0).then_some(light)
     }
 
     /// Returns the flux, W; of what is no ball right to about a hundredth.
@@ -91,22 +94,46 @@ impl FormLight {
             return None;
         }
         let ray = LineRay::new(p + n * (p.abs().max_element() * POSITION_ERROR), wi);
-        let crossing = self.body.first_hit(&ray)?;
-        // From within a form its back is seen, which is dark.
-        if !crossing.entering {
-            return None;
-        }
-        let offset = ray.at(crossing.t) - p;
+        let (t, count) = if self.is_pierced { self.any_entry(ray)? } else { (self.first_entry(&ray)?, 1.0) };
+        let offset = ray.at(t) - p;
         let distance = offset.length();
         #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
         let sample = LightSample {
             wi: (offset / distance).as_vec3a(),
             distance: distance as f32,
-            radiance: self.radiance,
+            radiance: self.radiance * count,
             pdf: pdf as f32 * probability,
             delta: false,
         };
         (sample.pdf > 0.0 && sample.pdf.is_finite() && sample.distance > 0.0).then_some(sample)
+    }
+
+    /// Returns where the ray first meets the form; `None` where it starts within, for the back is dark.
+    fn first_entry(&self, ray: &LineRay) -> Option<f64> {
+        self.body.first_hit(ray).filter(|crossing| crossing.entering).map(|crossing| crossing.t)
+    }
+
+    /// Returns one of the places where the ray enters the form, each with the same chance, and their number. The way to it is not judged here: a shadow ray
+    /// passes what is before it with the chance that it is not there.
+    fn any_entry(&self, mut ray: LineRay) -> Option<(f64, f32)> {
+        let direction = ray.direction;
+        let (mut count, mut chosen, mut bits) = (0u32, None, 0u64);
+        while let Some(crossing) = self.body.first_hit(&ray) {
+            if crossing.entering {
+                count += 1;
+                if count == 2 {
+                    // Most lines enter once and need no number; the last bits of a direction are as good as random.
+                    bits = mixed(direction.x.to_bits() ^ mixed(direction.y.to_bits() ^ mixed(direction.z.to_bits())));
+                }
+                // The i-th takes the place of those before it with the chance 1/i.
+                if bits % u64::from(count) == 0 {
+                    chosen = Some(crossing.t);
+                }
+                bits = mixed(bits);
+            }
+            ray.t_min = crossing.t + STEP * self.radius;
+        }
+        chosen.map(|t| (t, count as f32))
     }
 
     /// Returns the density of a direction in which a ray from `p` met this form, per steradian.
@@ -186,6 +213,13 @@ impl FormLight {
     }
 }
 
+/// Returns bits that look random (the finaliser of SplitMix64).
+fn mixed(bits: u64) -> u64 {
+    let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^ (bits >> 31)
+}
+
 /// Returns the map from a solid that is one ellipsoid to the unit ball.
 fn ellipsoid(solid: &Solid) -> Option<DAffine3> {
     let [form] = solid.forms() else { return None };
@@ -226,7 +260,7 @@ mod tests {
     use freeform::{FreeForm, Perturbation, Psi, Quadric};
 
     fn light(solid: Solid) -> FormLight {
-        FormLight::new(&Body::new(Arc::new(solid)), Vec3::ONE, 0, 1).expect("it shines")
+        FormLight::new(&Body::new(Arc::new(solid)), Vec3::ONE, 1.0, 0, 1).expect("it shines")
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use std::f64::consts::PI;
 
-use freeform::Solid;
+use freeform::{FreeForm, Psi, Quadric, Solid};
 use glam::{DAffine3, DVec3, Vec3};
+use scene::Material;
 use tests::{Builder, Effort, METHODS, icosphere, lambert, lamp, measure, polygon_irradiance, sphere_irradiance};
 
 /// The half width of the floor on which light is measured, metres.
@@ -92,6 +93,32 @@ fn free_forms_that_fill_their_boxes_in_part_are_unbiased() {
     for method in METHODS {
         let effort = Effort { path_spp: 128, spp: 128, seeds: 2, ..Effort::default() };
         measure(&scene, method, &effort, known).assert_unbiased("a turned box");
+    }
+}
+
+#[test]
+fn free_forms_that_are_there_in_part_shine_in_part() {
+    // Of a ball a share o is seen. A hollow one shows the far side of its hollow, too, through what is not there of the two surfaces before it.
+    let (centre, opacity) = (Vec3::Z * 2.0, 0.4_f32);
+    let lamp = || Material { opacity, ..lamp(1.0) };
+    let ball = |radius| {
+        let quadric = Quadric::sphere(centre.as_dvec3(), radius).expect("a sphere");
+        Solid::from(FreeForm::new(quadric, vec![]).expect("a ball"))
+    };
+    let full = floor(Vec3::Z).ball(centre, 1.0, lamp()).build();
+    let shell = Solid::difference(Psi::Maximum, vec![ball(1.0), ball(0.7)]).expect("a shell");
+    let hollow = floor(Vec3::Z).solid(shell, lamp()).build();
+    let opacity = f64::from(opacity);
+    for (scene, inner, what) in [(full, 0.0, "ball"), (hollow, (1.0 - opacity).powi(2), "hollow ball")] {
+        assert!(!scene.features().emissive_unsampled, "{what}: it is sampled");
+        let known = |p: DVec3| {
+            let ball = |radius| sphere_irradiance(centre.as_dvec3(), radius, p, DVec3::Z) / PI;
+            opacity * (ball(1.0) + inner * ball(0.7))
+        };
+        for method in METHODS {
+            let effort = Effort { path_spp: 256, spp: 256, seeds: 2, ..Effort::default() };
+            measure(&scene, method, &effort, known).assert_unbiased(what);
+        }
     }
 }
 
