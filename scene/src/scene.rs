@@ -121,7 +121,7 @@ impl Scene {
 
     /// Returns the nearest hit in the ray's range; boundaries within a transparent body of higher priority are passed.
     ///
-    /// Where a surface is there in part only (`opacity`, masks), a hash of the ray and the primitive decides, so that the same ray
+    /// Where a surface is there in part only (`opacity`, masks), a hash of the ray and the place decides, so that the same ray
     /// always gives the same answer.
     #[inline]
     #[must_use]
@@ -409,13 +409,14 @@ impl Scene {
     #[cold]
     fn is_there(&self, ray: &Ray, hit: &Hit) -> bool {
         let index = hit.primitive as usize;
-        let (material, uv) = match index.checked_sub(self.triangles.len()) {
-            None => (self.triangles.material(index), self.triangles.uv(index, hit.barycentrics)),
-            Some(form) => (self.forms[form].material, self.forms[form].point(ray, hit).uv),
+        // A ray may meet a form more than once, and each of these places has its own chance, as triangles have.
+        let (material, uv, place) = match index.checked_sub(self.triangles.len()) {
+            None => (self.triangles.material(index), self.triangles.uv(index, hit.barycentrics), 0),
+            Some(form) => (self.forms[form].material, self.forms[form].point(ray, hit).uv, hit.t.to_bits()),
         };
         let material = &self.materials[material as usize];
         let mask = material.opacity_texture.map_or(1.0, |texture| self.textures[texture as usize].mask(uv));
-        ray_hash(ray, hit.primitive) < material.opacity * mask
+        ray_hash(ray, hit.primitive, place) < material.opacity * mask
     }
 }
 
@@ -512,12 +513,13 @@ fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], light
     features
 }
 
-/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction and on the primitive (the finaliser of SplitMix64).
-fn ray_hash(ray: &Ray, primitive: u32) -> f32 {
+/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on the place on it (the finaliser of
+/// SplitMix64).
+fn ray_hash(ray: &Ray, primitive: u32, place: u32) -> f32 {
     let [ox, oy, oz] = ray.origin.to_array().map(|x| u64::from(x.to_bits()));
     let [dx, dy, dz] = ray.direction.to_array().map(|x| u64::from(x.to_bits()));
     let mut hash = 0u64;
-    for word in [ox << 32 | oy, oz << 32 | dx, dy << 32 | dz, u64::from(primitive)] {
+    for word in [ox << 32 | oy, oz << 32 | dx, dy << 32 | dz, u64::from(place) << 32 | u64::from(primitive)] {
         hash = (hash ^ word).wrapping_add(0x9e37_79b9_7f4a_7c15);
         hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
