@@ -19,6 +19,7 @@ use glam::{IVec3, UVec2, Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
+use crate::photons::PhotonSource;
 use crate::sampler::{Sampler, hash, hash_pair};
 use crate::secondary::{Known, Secondary, Shading, direct_light, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
@@ -321,24 +322,24 @@ impl Cells {
     }
 }
 
-/// Cells together with the caustics that the caller has.
-pub(crate) struct CellSource<'a, C> {
+/// Cells together with the caustics of photon maps.
+pub(crate) struct CellSource<'a> {
     pub(crate) cells: &'a Cells,
-    pub(crate) caustic: C,
+    pub(crate) photons: PhotonSource<'a>,
 }
 
-impl<C: Fn(&Surface) -> Vec3 + Sync> Secondary for CellSource<'_, C> {
+impl Secondary for CellSource<'_> {
     fn irradiance(&self, surface: &Surface) -> Option<Known> {
         self.cells.look_up(surface)
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        (self.caustic)(surface)
+        self.photons.caustic_irradiance(surface)
     }
 
     fn blurred_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         let cell = self.cells.cell_of(surface);
-        cell.map_or_else(|| (self.caustic)(surface), |cell| self.cells.caustic[cell as usize])
+        cell.map_or_else(|| self.photons.blurred_caustic_irradiance(surface), |cell| self.cells.caustic[cell as usize])
     }
 }
 

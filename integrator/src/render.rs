@@ -56,15 +56,15 @@ pub(crate) fn render_watched(
             let sky = statistics.time("lights", |_| SkySplit::new(scene));
             let sky = sky.as_ref();
             let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
+            let photons = PhotonSource { maps: &maps, scene };
             if plan.secondary == SecondaryKind::Photons {
-                let source = PhotonSource { maps: &maps, scene };
-                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
+                four_terms::render(scene, settings, &plan, &photons, sky, &mut statistics, progress, witness)
             } else {
-                let caustic = |surface: &Surface| maps.covered_caustic_irradiance(scene, surface.p, surface.ng);
+                let caustic = |surface: &Surface| photons.blurred_caustic_irradiance(surface);
                 let cells = statistics.time("cells", |statistics| {
                     solve_cells(scene, settings, &plan, sky, caustic, statistics, progress)
                 });
-                let source = CellSource { cells: &cells, caustic };
+                let source = CellSource { cells: &cells, photons };
                 four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
             }
         }

@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use common::{Builder, black, glass, lambert, lamp, mirror};
 use glam::{DVec3, Vec3, Vec3A};
 use integrator::{FluxBalance, PhotonMaps, PhotonSettings, Rng};
-use scene::{Material, Scene};
+use scene::Material;
 
 fn settings(count: u32) -> PhotonSettings {
     PhotonSettings { count, caustic_count: count, seed: 3, ..PhotonSettings::default() }
@@ -108,16 +108,23 @@ fn mirror_equals_virtual_image() {
         .point_light(Vec3::new(1.0, 0.0, 1.0), 1.0)
         .build();
     let maps = PhotonMaps::shoot(&scene, &settings(400_000));
-    let mut sum = 0.0;
+    let (mut sum, mut blurred) = (0.0, 0.0);
     for i in 0..100 {
         // The closed form elsewhere: distance^2 is (1 + x)^2 + y^2 + 1.
         let (x, y) = (1.5 + 0.01 * i as f32, 0.04 * ((7 * i) % 100) as f32 - 2.0);
         let expected = 0.8 * ((1.0 + x).powi(2) + y * y + 1.0).powf(-1.5);
-        sum += maps.caustic_irradiance(Vec3A::new(x, y, 0.0), Vec3A::Z).x / expected / 100.0;
+        let p = Vec3A::new(x, y, 0.0);
+        sum += maps.caustic_irradiance(&scene, p, Vec3A::Z).x / expected / 100.0;
+        blurred += maps.blurred_caustic_irradiance(p, Vec3A::Z).x / expected / 100.0;
     }
     // 100 estimates of 80 photons, about half of them independent: 0.13 / sqrt(50) = 0.018.
     assert!((sum - 1.0).abs() < 0.06, "ratio {sum}");
-    assert_eq!(maps.caustic_irradiance(Vec3A::new(2.0, 0.0, 0.0), Vec3A::NEG_Z), Vec3::ZERO, "the floor's other side");
+    assert!((blurred - 1.0).abs() < 0.06, "ratio {blurred} of estimates made beforehand");
+    assert_eq!(
+        maps.caustic_irradiance(&scene, Vec3A::new(2.0, 0.0, 0.0), Vec3A::NEG_Z),
+        Vec3::ZERO,
+        "the floor's other side"
+    );
 }
 
 #[test]
@@ -132,7 +139,7 @@ fn two_mirrors_make_a_row() {
     let maps = PhotonMaps::shoot(&scene, &settings(400_000));
     let values = (0..50).map(|i| {
         let p = Vec3A::new(0.5, 0.1 * (i as f32 / 25.0 - 1.0), 0.0);
-        maps.caustic_irradiance(p, Vec3A::Z).x
+        maps.caustic_irradiance(&scene, p, Vec3A::Z).x
     });
     let mean = values.sum::<f32>() / 50.0;
     // The segment of 0.2 holds some 20 independent estimates; the curvature over it changes E by 0.3 %.
@@ -158,17 +165,15 @@ fn caustic_photons_are_aimed_at_small_glass() {
 
 #[test]
 fn no_photons_gives_zero_and_not_nan() {
-    let in_black_box = |light: Scene| PhotonMaps::shoot(&light, &settings(20_000));
-    let maps = in_black_box(
-        Builder::default()
-            .cube_room(&black())
-            .ball(Vec3::ZERO, 0.1, mirror(1.0))
-            .point_light(Vec3::Z * 0.5, 1.0)
-            .build(),
-    );
+    let scene = Builder::default()
+        .cube_room(&black())
+        .ball(Vec3::ZERO, 0.1, mirror(1.0))
+        .point_light(Vec3::Z * 0.5, 1.0)
+        .build();
+    let maps = PhotonMaps::shoot(&scene, &settings(20_000));
     assert_eq!((maps.global_counts.stored, maps.caustic_counts.stored), (0, 0), "black keeps nothing");
     assert!(maps.global_irradiance(Vec3A::NEG_Z, Vec3A::Z).is_none(), "no estimate");
-    assert_eq!(maps.caustic_irradiance(Vec3A::NEG_Z, Vec3A::Z), Vec3::ZERO, "no caustic");
+    assert_eq!(maps.caustic_irradiance(&scene, Vec3A::NEG_Z, Vec3A::Z), Vec3::ZERO, "no caustic");
 
     let dark = Builder::default().cube_room(&lambert(0.5)).build();
     let maps = PhotonMaps::shoot(&dark, &settings(20_000));
@@ -197,7 +202,7 @@ fn both_maps_of_light_that_only_a_mirror_brings_agree() {
     for i in 0..400 {
         let p = Vec3A::new(0.002 * i as f32 - 0.4, 0.002 * ((37 * i) % 400) as f32 - 0.4, -0.99);
         global += maps.global_irradiance(p, Vec3A::Z).map_or(0.0, |found| found.irradiance.x);
-        caustic += maps.caustic_irradiance(p, Vec3A::Z).x;
+        caustic += maps.caustic_irradiance(&scene, p, Vec3A::Z).x;
     }
     // The global map also has floor-mirror-floor light, about albedo x share seen x ... of it: bounded by a tenth.
     assert!(caustic > 0.0 && global >= 0.95 * caustic && global < 1.2 * caustic, "{global} and {caustic}");
@@ -219,7 +224,7 @@ fn threads_do_not_matter() {
         let lookups: Vec<_> = (0..500)
             .map(|_| {
                 let p = Vec3A::new(2.0 * rng.next_1d() - 1.0, 2.0 * rng.next_1d() - 1.0, -1.0);
-                (maps.global_irradiance(p, Vec3A::Z), maps.caustic_irradiance(p, Vec3A::Z))
+                (maps.global_irradiance(p, Vec3A::Z), maps.caustic_irradiance(&scene, p, Vec3A::Z))
             })
             .collect();
         (maps.global_counts, maps.caustic_counts, lookups)
