@@ -28,8 +28,8 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     spp: Option<u32>,
     /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, step,
-    /// verify, light-samples, photons, coverage (rect, quad), trail (all, silhouettes), weights (bits, areas), secondary (cells, photons,
-    /// paths); may be given several times
+    /// verify, light-samples, lobe-rays, texture-alpha, photons, coverage (rect, quad), trail (all, silhouettes), weights (bits, areas),
+    /// secondary (cells, photons, paths); may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]
     set: Vec<args::StudySetting>,
     /// Width and height in pixels [default: the scene's, or 640x360]

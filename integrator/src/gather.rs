@@ -104,7 +104,7 @@ impl<S: Secondary> Gatherer<'_, S> {
             return (Traced { radiance: soft_background(self.scene, self.sky, wi), ..nothing }, None);
         };
         let found = self.scene.surface(&ray, &hit);
-        let follower = Follower { scene: self.scene, secondary: self.secondary, samples_light: false };
+        let follower = Follower { scene: self.scene, secondary: self.secondary, spread: f32::INFINITY };
         let radiance = follower.reflected(&ray, found, sampler, rays);
         (Traced { radiance, distance: found.t, normal: found.ng }, Some(found))
     }

@@ -34,8 +34,10 @@ pub(crate) struct Plan {
     pub(crate) caustic_photons: u32,
     /// Rays to spend on the links of cells, 0 where there are none.
     pub(crate) cell_rays: u32,
-    /// Narrowest lobe that the texture of a record resolves; narrower ones are traced.
-    pub(crate) min_texture_alpha: f32,
+    /// Narrowest glossy lobe that reads its light from a texture; narrower ones are traced.
+    pub(crate) texture_alpha: f32,
+    /// Rays that are traced through a glossy lobe for each primary sample.
+    pub(crate) lobe_rays: u32,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
 }
@@ -71,7 +73,7 @@ impl Plan {
         Self {
             secondary,
             spp,
-            light_samples: study.light_samples.unwrap_or(if features.environment { 2 } else { 1 }),
+            light_samples: study.light_samples.unwrap_or(if features.environment { 4 } else { 2 }),
             n,
             look_n,
             record: RecordSettings {
@@ -96,7 +98,8 @@ impl Plan {
             } else {
                 0
             },
-            min_texture_alpha: 3.0 / n as f32,
+            texture_alpha: study.texture_alpha.unwrap_or(0.5).max(3.0 / n as f32),
+            lobe_rays: study.lobe_rays.unwrap_or(12),
             lobe_samples: 128,
         }
     }

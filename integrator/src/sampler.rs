@@ -74,6 +74,21 @@ impl Sampler {
         Self { key, bounce_key: key, block: 0, used: 4, ..*self }
     }
 
+    /// Starts numbers of their own for `count` paths that branch off here, stratified over all of them and all samples of the pixel.
+    pub fn split_into(&mut self, count: u32) -> impl Iterator<Item = Self> + use<> {
+        let parent = self.split();
+        self.block += 1;
+        self.used = 4;
+        (0..count).map(move |number| {
+            let index = u64::from(parent.index) * u64::from(count) + u64::from(number);
+            let length = u64::from(SEQUENCE_LENGTH);
+            let key = hash_pair(parent.key, index / length);
+            #[expect(clippy::cast_possible_truncation, reason = "below the length")]
+            let index = (index % length) as u32;
+            Self { key, bounce_key: key, index, ..parent.clone() }
+        })
+    }
+
     /// Returns the next four numbers, stratified together, and gives up what is left of the block before.
     pub fn next_4d(&mut self) -> [f32; 4] {
         let seed = upper(hash_pair(self.bounce_key, u64::from(self.block)));
@@ -194,6 +209,24 @@ mod tests {
                 assert_eq!(cells, [0xffff; 3], "pixel {pixel}, bounce {bounce}");
             }
         }
+    }
+
+    #[test]
+    fn branches_of_all_samples_are_stratified_together() {
+        let mut rows = 0_u64;
+        for sample in 0..16 {
+            let mut parent = Sampler::new(5, 2, sample);
+            let before = parent.clone().next_1d();
+            for mut branch in parent.split_into(4) {
+                rows |= 1 << (branch.next_pair().x * 64.0) as u32;
+                assert_ne!(branch.next_1d(), before, "numbers of their own");
+            }
+        }
+        assert_eq!(rows, u64::MAX, "64 branches in 64 rows");
+        let firsts =
+            |sampler: &mut Sampler| sampler.split_into(2).map(|mut branch| branch.next_1d()).collect::<Vec<_>>();
+        let mut parent = Sampler::new(5, 2, 65_535);
+        assert_ne!(firsts(&mut parent), firsts(&mut parent), "and others the second time");
     }
 
     #[test]

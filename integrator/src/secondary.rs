@@ -83,8 +83,9 @@ impl Shading {
 pub(crate) struct Follower<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) secondary: &'a S,
-    /// Whether direct light is sampled even where the secondary solution knows it: what a narrow lobe shows must have sharp shadows.
-    pub(crate) samples_light: bool,
+    /// Width in radians of the lobe that asks: where it is narrower than what the solution resolves, direct light is sampled even if the solution
+    /// knows it, so that shadows in reflections are sharp. Infinite for the rays of a hemisphere.
+    pub(crate) spread: f32,
 }
 
 impl<S: Secondary> Follower<'_, S> {
@@ -107,7 +108,7 @@ impl<S: Secondary> Visitor for Answer<'_, S> {
     fn visit(&mut self, shading: &Shading, beta: Vec3, near: f32) -> Taken {
         let known = self.follower.secondary.irradiance(&shading.surface).filter(|known| near >= known.resolution);
         let Some(known) = known else { return Taken::Nothing };
-        let direct = known.direct.filter(|_| !self.follower.samples_light);
+        let direct = known.direct.filter(|_| self.follower.spread * near >= known.resolution);
         let irradiance = direct.unwrap_or_default() + known.indirect;
         self.radiance += beta * shading.bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI;
         if direct.is_some() { Taken::All } else { Taken::Indirect }

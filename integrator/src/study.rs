@@ -29,6 +29,11 @@ pub struct Study {
     pub verify: Option<u32>,
     /// Light samples a primary sample, 1 to 1024.
     pub light_samples: Option<u32>,
+    /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
+    pub lobe_rays: Option<u32>,
+    /// Roughness (alpha of GGX) from which on a glossy lobe without a diffuse part reads a texture instead of being traced, 0 to 2; never where a
+    /// texture is too coarse.
+    pub texture_alpha: Option<f32>,
     /// Photons to shoot into each map that the scene needs, 1 to 10^8.
     pub photons: Option<u32>,
     /// Whether elements cover the rectangle around their corners, as in the paper, or their quadrilateral.
@@ -47,7 +52,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, photons, coverage, trail, weights, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, texture-alpha, photons, coverage, trail, weights, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -85,6 +90,8 @@ impl Study {
             "step" => self.step = Some(number(name, value, 1, 64)?),
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
             "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
+            "lobe-rays" => self.lobe_rays = Some(number(name, value, 1, 1024)?),
+            "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
             "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
             "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
             "trail" => self.all_trails = Some(choice(name, value, [("all", true), ("silhouettes", false)])?),
@@ -151,6 +158,8 @@ mod tests {
             ("step", "3"),
             ("verify", "0"),
             ("light-samples", "4"),
+            ("lobe-rays", "4"),
+            ("texture-alpha", "0.5"),
             ("photons", "1000"),
             ("coverage", "rect"),
             ("trail", "all"),

@@ -34,8 +34,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let mut light = Light::default();
         let count = self.plan.light_samples;
         let has_many_lights = self.scene.lights().count() > 1;
-        for _ in 0..count {
-            // The best stratified pair is for the point of the light: with 16 samples a pixel that is less noise by a fifth.
+        for mut sampler in sampler.split_into(count) {
+            // The best stratified pair is for the point of the light.
             let point = sampler.next_pair();
             let choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
             let u = [choice, point.x, point.y, 0.0];
@@ -46,17 +46,21 @@ impl<S: Secondary> DirectTerm<'_, S> {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);
         }
         if shading.bsdf.has_glossy() {
-            self.add_lobe(shading, sampler, rays, &mut light);
+            let count = lobe_rays(shading, self.plan);
+            for mut sampler in sampler.split_into(count) {
+                self.add_lobe(shading, 1.0 / count as f32, &mut sampler, rays, &mut light);
+            }
         }
         light
     }
 
-    /// Follows one sample of the glossy lobe.
-    fn add_lobe(&self, shading: &Shading, sampler: &mut Sampler, rays: &mut RayCounts, light: &mut Light) {
-        let u = sampler.next_4d();
-        let Some(sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2])) else {
+    /// Follows one sample of the glossy lobe, which counts for a share of the light.
+    fn add_lobe(&self, shading: &Shading, share: f32, sampler: &mut Sampler, rays: &mut RayCounts, light: &mut Light) {
+        // A number is needed only where reflection and refraction could be chosen from.
+        let Some(mut sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, 0.5, sampler.next_pair()) else {
             return;
         };
+        sample.weight *= share;
         let wi = shading.frame.to_world(sample.wi);
         if sample.delta || !shading.leaves(wi, sample.wi) {
             return;
@@ -79,7 +83,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
             light.specular += sample.weight * self.caustic_along(ray, surface, sampler, rays);
         }
         if is_traced(shading, self.plan) {
-            let follower = Follower { scene: self.scene, secondary: self.secondary, samples_light: true };
+            let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
             light.specular += sample.weight * follower.reflected(&ray, surface, sampler, rays);
         }
     }
@@ -114,7 +118,27 @@ impl<S: Secondary> DirectTerm<'_, S> {
     }
 }
 
-/// Whether the glossy lobe of a point is too narrow for the texture of a record, so that its samples are traced.
+/// Whether the glossy lobe of a point is traced, not read from a texture. Where there is a diffuse part too, a texture would serve the lobe alone, for
+/// that part is interpolated.
 pub(crate) fn is_traced(shading: &Shading, plan: &Plan) -> bool {
-    matches!(shading.bsdf.specular, Specular::Ggx { alpha, .. } if alpha < plan.min_texture_alpha)
+    shading.bsdf.has_glossy() && (shading.bsdf.has_diffuse() || alpha(shading) < plan.texture_alpha)
+}
+
+/// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the reflected light, or so narrow that it
+/// sees about the same everywhere; one for the lamps alone where a texture has the rest.
+fn lobe_rays(shading: &Shading, plan: &Plan) -> u32 {
+    /// From this width on a lobe takes its full number.
+    const FULL_ALPHA: f32 = 0.1;
+    if !is_traced(shading, plan) {
+        return 1;
+    }
+    let share = shading.bsdf.specular_probability(Lobes::ALL, shading.wo) * (alpha(shading) / FULL_ALPHA).min(1.0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
+    let count = (plan.lobe_rays as f32 * share).ceil() as u32;
+    count.max(1)
+}
+
+/// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.
+fn alpha(shading: &Shading) -> f32 {
+    if let Specular::Ggx { alpha, .. } = shading.bsdf.specular { alpha } else { 0.0 }
 }
