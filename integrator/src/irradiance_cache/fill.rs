@@ -8,9 +8,11 @@
 use rayon::prelude::*;
 
 use super::index::Index;
+use super::record::Place;
 use crate::explain::Step;
 use crate::lattice::{Lattice, STRIDES};
 use crate::secondary::Secondary;
+use crate::surface_points::SurfacePoint;
 use crate::terms::glossy::needs_texture;
 use crate::terms::indirect::{Counts, Incident, IndirectTerm, Look};
 
@@ -30,6 +32,8 @@ pub(crate) fn fill<S: Secondary>(
     let mut values: Vec<Option<Incident>> =
         points.iter().map(|point| (!term.asks(point)).then(Incident::default)).collect();
     let mut has_looked = vec![false; points.len()];
+    let places: Vec<Place> = points.par_iter().map(|point| place(term, point)).collect();
+    counts.rays.hole += values.iter().filter(|value| value.is_none()).count() as u64;
     for stride in STRIDES {
         let level = lattice.level(stride, &values);
         let takes_texture = |number: &usize| needs_texture(&points[*number].shading, term.plan);
@@ -42,11 +46,7 @@ pub(crate) fn fill<S: Secondary>(
             others.into_iter().partition(|&number| lattice.is_middle(number, stride));
         for batch in [middles, sides] {
             let frozen = &*index;
-            let is_alone = |number: &usize| {
-                let surface = &points[*number].shading.surface;
-                !frozen.covers(surface.p, surface.n, PLACE)
-            };
-            let alone = batch.into_par_iter().filter(is_alone).collect();
+            let alone = batch.into_par_iter().filter(|&number| !frozen.covers(&places[number], PLACE)).collect();
             for (number, look) in ask(alone, counts) {
                 has_looked[number] = true;
                 index.extend(look.record);
@@ -58,8 +58,7 @@ pub(crate) fn fill<S: Secondary>(
         values.iter().zip(&has_looked).filter(|(value, looked)| value.is_none() && !**looked).count() as u64;
     let rest = |number: usize| {
         values[number].unwrap_or_else(|| {
-            let surface = &points[number].shading.surface;
-            let light = index.interpolate(surface.p, surface.n);
+            let light = index.interpolate(&places[number]);
             let ([near, sky], records) = light.expect("a point that no record reached has become one");
             if !has_looked[number] {
                 term.tell(&points[number], || Step::Interpolated { records });
@@ -68,4 +67,12 @@ pub(crate) fn fill<S: Secondary>(
         })
     };
     (0..points.len()).into_par_iter().map(rest).collect()
+}
+
+/// A point as one that asks records: what stands above it is found by a ray, if anything is to be asked.
+fn place<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint) -> Place {
+    let surface = &point.shading.surface;
+    let overhead = || term.gatherer.scene.intersect(&surface.spawn(surface.ng));
+    let hit = if term.asks(point) { overhead() } else { None };
+    Place { p: surface.p, n: surface.n, clearance: hit.map_or(f32::INFINITY, |hit| hit.t) }
 }

@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec3A};
 use radcache::BallGrid;
 
-use super::record::Record;
+use super::record::{Place, Record};
 
 /// Records of irradiance and where they reach. They are entered one after another, and all answers depend on that order alone.
 #[derive(Debug, Default)]
@@ -22,22 +22,22 @@ impl Index {
         }
     }
 
-    /// Whether some record is within `distance` of a point, see [`Record::distance`].
-    pub(crate) fn covers(&self, p: Vec3A, n: Vec3A, distance: f32) -> bool {
-        self.near(p).any(|record| record.distance(p, n) <= distance)
+    /// Whether some record is within `distance` of a place, see [`Record::distance`].
+    pub(crate) fn covers(&self, place: &Place, distance: f32) -> bool {
+        self.near(place.p).any(|record| record.distance(place) <= distance)
     }
 
-    /// The light at a point, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
+    /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
     /// of the soft sky; and how many these records are. `None` where there is none.
-    pub(crate) fn interpolate(&self, p: Vec3A, n: Vec3A) -> Option<([Vec3; 2], usize)> {
+    pub(crate) fn interpolate(&self, place: &Place) -> Option<([Vec3; 2], usize)> {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
         let mut count = 0;
-        for record in self.near(p) {
-            let distance = record.distance(p, n);
+        for record in self.near(place.p) {
+            let distance = record.distance(place);
             if distance < 1.0 {
                 let weight = 1.0 - distance;
-                let light = record.light(p, n);
+                let light = record.light(place.p, place.n);
                 total += weight;
                 count += 1;
                 sum[0] += weight * light[0];
@@ -95,25 +95,27 @@ mod tests {
             index.extend(records.iter().cloned());
             for (x, y, z, tilt) in queries {
                 let (p, n) = (Vec3A::new(x, y, z), Vec3A::new(0.0, tilt, 1.0).normalize());
-                let distances = records.iter().map(|record| record.distance(p, n));
+                let place = Place { p, n, clearance: f32::INFINITY };
+                let distances = records.iter().map(|record| record.distance(&place));
                 let weights: Vec<f32> = distances.clone().map(|distance| (1.0 - distance).max(0.0)).collect();
                 let total: f32 = weights.iter().sum();
                 let naive: f32 = weights.iter().zip(&records).map(|(w, r)| w * r.light(p, n)[0].x).sum::<f32>() / total;
-                let found = index.interpolate(p, n);
+                let found = index.interpolate(&place);
                 prop_assert_eq!(found.is_some(), total > 0.0);
                 if let Some(([near, _], _)) = found {
                     // The sums run in another order: rounding of f32.
                     prop_assert!((near.x - naive).abs() <= 1e-5 * naive, "{} instead of {naive}", near.x);
                 }
                 let nearest = distances.fold(f32::INFINITY, f32::min);
-                prop_assert_eq!(index.covers(p, n, 0.5), nearest <= 0.5);
+                prop_assert_eq!(index.covers(&place, 0.5), nearest <= 0.5);
             }
         }
     }
 
     #[test]
     fn nobody_is_served_by_nothing() {
-        assert_eq!(Index::default().interpolate(Vec3A::ZERO, Vec3A::Z), None, "no record");
-        assert!(!Index::default().covers(Vec3A::ZERO, Vec3A::Z, 1.0), "nor near one");
+        let place = Place { p: Vec3A::ZERO, n: Vec3A::Z, clearance: f32::INFINITY };
+        assert_eq!(Index::default().interpolate(&place), None, "no record");
+        assert!(!Index::default().covers(&place, 1.0), "nor near one");
     }
 }

@@ -7,6 +7,8 @@
 //! distance^2 = (d . a / R_a)^2 + (d . b / R_b)^2 + (h / (0.2 R_a))^2 + (1 - n . n') / (1 - 0.9)
 //! ```
 //!
+//! What stands close above a point hides light from it that the record saw: such a gap takes records of its own.
+//!
 //! A record must not reach through walls, and its radii know nothing of them where the light does not change. So it keeps the planes
 //! of what it met near its horizon: no point behind one of them may take anything from it (as Ward's `ambcorral` in Radiance, which
 //! keeps azimuths in their place).
@@ -43,7 +45,20 @@ pub(crate) struct Record {
     ellipse: Symmetric,
     /// Half axes, the smaller first.
     radii: [f32; 2],
+    /// The height of the lowest thing overhead.
+    clearance: f32,
     guards: Vec<Guard>,
+}
+
+/// A point that asks for light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Place {
+    /// Where it is, world space, metres.
+    pub(crate) p: Vec3A,
+    /// Its unit normal.
+    pub(crate) n: Vec3A,
+    /// The distance to what stands above it, metres.
+    pub(crate) clearance: f32,
 }
 
 /// A plane that the record saw from its front.
@@ -67,6 +82,10 @@ const MAX_ASPECT: f32 = 2.0;
 /// of the harmonic mean distance, by Ward's rule, which knows geometry alone.
 const FEW_TEXELS: f32 = 0.015;
 const WARD_SPACING: f32 = 0.3;
+/// Texels above this cosine are overhead.
+const OVERHEAD_COS: f32 = 0.95;
+/// A point with less than this share of the record's clearance, and less than its distance from the record, is in a gap that the record is not in.
+const GAP: f32 = 0.1;
 /// Texels below this cosine are near enough to the horizon for what they met to stand in the way of a point of the surface.
 const GUARD_COS: f32 = 0.7;
 /// Planes that rise from the tangent plane less steeply than this, by the tangential part of their normals, do not.
@@ -108,7 +127,9 @@ impl Record {
         let mut ellipse = Symmetric::mixed(axis, axis).scaled(0.5 / (first * first));
         ellipse += Symmetric::mixed(axis.perp(), axis.perp()).scaled(0.5 / (second * second));
         let guards = guards(samples, &directions, &frame, second);
-        Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], guards }
+        let heights = directions.iter().zip(&samples.distance).filter(|(wi, _)| wi.z > OVERHEAD_COS);
+        let clearance = heights.map(|(wi, distance)| wi.z * distance).fold(f32::INFINITY, f32::min);
+        Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], clearance, guards }
     }
 
     /// Where it was made, world space, metres.
@@ -121,8 +142,9 @@ impl Record {
         self.radii[1]
     }
 
-    /// How far off a point `p` with unit normal `n` is, in units of the record's reach: it serves those below 1.
-    pub(crate) fn distance(&self, p: Vec3A, n: Vec3A) -> f32 {
+    /// How far off a place is, in units of the record's reach: it serves those below 1.
+    pub(crate) fn distance(&self, place: &Place) -> f32 {
+        let &Place { p, n, clearance } = place;
         let cos = n.dot(self.frame.n);
         if cos < MIN_NORMAL_COS {
             return f32::INFINITY;
@@ -134,7 +156,8 @@ impl Record {
         let turn = (1.0 - cos).max(0.0) / (1.0 - MIN_NORMAL_COS);
         let distance_sq = x * x * xx + 2.0 * x * y * xy + y * y * yy + high * high + turn;
         let steep = HEIGHT_FACTOR * height.abs() > offset.length() + STEEP_SLACK * self.radii[0];
-        if distance_sq >= 1.0 || steep {
+        let is_in_gap = clearance < (GAP * self.clearance).min(offset.length());
+        if distance_sq >= 1.0 || steep || is_in_gap {
             return f32::INFINITY;
         }
         let front = self.guards.iter().map(|guard| 1.0 + guard.normal.dot(offset)).fold(f32::INFINITY, f32::min);
@@ -212,6 +235,11 @@ mod tests {
         Record::new(Vec3A::ZERO, frame, &samples, mean, &TexelEdges::new(N), rules)
     }
 
+    /// A place under the open sky.
+    fn open(p: Vec3A, n: Vec3A) -> Place {
+        Place { p, n, clearance: f32::INFINITY }
+    }
+
     /// An endless wall of radiance 1 and height 1 at x = 1, black night elsewhere.
     fn low_wall(wi: Vec3A) -> (Vec3, f32, Vec3A) {
         if wi.x > 0.0 && wi.z < wi.x { (Vec3::ONE, 1.0 / wi.x, Vec3A::NEG_X) } else { (Vec3::ZERO, f32::INFINITY, -wi) }
@@ -221,7 +249,7 @@ mod tests {
     fn record_beside_a_wall_serves_along_it_and_nobody_behind() {
         let lit = |wi: Vec3A| (Vec3::ONE, if wi.x > 0.0 { 1.0 / wi.x } else { f32::INFINITY }, Vec3A::NEG_X);
         let record = record(&RULES, lit);
-        let distance = |x, y| record.distance(Vec3A::new(x, y, 0.0), Vec3A::Z);
+        let distance = |x, y| record.distance(&open(Vec3A::new(x, y, 0.0), Vec3A::Z));
         assert_eq!(distance(0.0, 0.0), 0.0, "itself");
         assert!(distance(0.0, 4.0) < 1.0 && distance(-4.0, 0.0) < 1.0, "light is the same everywhere");
         assert!(distance(0.7, 4.0) < 1.0, "in front of the wall");
@@ -233,9 +261,18 @@ mod tests {
         let record = record(&RULES, |wi| (Vec3::ONE, f32::INFINITY, -wi));
         assert_eq!(record.reach(), 10.0, "an open sky reaches the limit");
         let turned = Vec3A::new(0.5, 0.0, 0.75f32.sqrt());
-        assert!(record.distance(Vec3A::X, turned) >= 1.0, "30 degrees");
-        assert!(record.distance(Vec3A::new(1.0, 0.0, -0.3), Vec3A::Z) >= 1.0, "a step below");
-        assert!(record.distance(Vec3A::new(1.0, 0.0, -0.1), Vec3A::Z) < 1.0, "a gentle slope");
+        assert!(record.distance(&open(Vec3A::X, turned)) >= 1.0, "30 degrees");
+        assert!(record.distance(&open(Vec3A::new(1.0, 0.0, -0.3), Vec3A::Z)) >= 1.0, "a step below");
+        assert!(record.distance(&open(Vec3A::new(1.0, 0.0, -0.1), Vec3A::Z)) < 1.0, "a gentle slope");
+    }
+
+    #[test]
+    fn gaps_take_records_of_their_own() {
+        let record = record(&RULES, |wi| (Vec3::ONE, 3.0 / wi.z, Vec3A::NEG_Z));
+        let serves = |x: f32, clearance: f32| record.distance(&Place { p: Vec3A::X * x, n: Vec3A::Z, clearance }) < 1.0;
+        assert!(serves(0.5, 3.0) && serves(0.5, 1.0), "under the ceiling, and under a table");
+        assert!(!serves(0.5, 0.1), "not deep in a gap");
+        assert!(serves(0.05, 0.1), "but at its mouth");
     }
 
     #[test]
@@ -263,7 +300,7 @@ mod tests {
         assert!((a1 / a0 - 2.0).abs() < 1e-3 && (b1 / b0 - 2.0).abs() < 1e-3, "{a0} {b0} to {a1} {b1}");
         assert_eq!(b0, MAX_ASPECT * a0, "light does not change along the wall");
         let along = record(&RecordRules { total_error: 1e-6, ..RULES }, low_wall);
-        let distance = |p: Vec3A| along.distance(p, Vec3A::Z);
+        let distance = |p: Vec3A| along.distance(&open(p, Vec3A::Z));
         assert!((distance(Vec3A::Y * 0.5 * b0) - 0.5).abs() < 1e-3, "half way along the wall");
         assert!((distance(Vec3A::X * 0.5 * a0) - 0.5).abs() < 1e-3, "half way to the wall");
     }
