@@ -37,6 +37,15 @@ pub(crate) fn not_negative(text: &str) -> Result<f32, String> {
     finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("it must not be negative".to_owned()) })
 }
 
+/// A relative error that can be asked for.
+pub(crate) fn error(text: &str) -> Result<f32, String> {
+    let (min, max) = integrator::ERROR_RANGE;
+    match finite(text) {
+        Ok(error) if (min..=max).contains(&error) => Ok(error),
+        _ => Err(format!("it must lie between {min} and {max}: 0.02 is 2 %")),
+    }
+}
+
 /// Stops of exposure: beyond these limits every picture is black or white.
 pub(crate) fn stops(text: &str) -> Result<f32, String> {
     finite(text).and_then(|stops| {

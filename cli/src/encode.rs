@@ -104,11 +104,13 @@ fn three<'a>(prefix: &str, names: [&str; 3], vectors: &'a [Vec3]) -> Vec<(String
 const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Writes one part of float32 with ZIP: `picture` as R, G, B with A, linear and unclamped. Where the picture is the
-/// whole one and not a `term`, the terms, albedo, normal (world space) and depth (metres along the ray) follow.
+/// whole one and not a `term`, the terms, albedo, normal (world space) and depth (metres along the ray) follow, and the
+/// estimated relative `error` where there is one.
 pub(crate) fn exr(
     film: &Film,
     picture: &[Vec3],
     term: Option<Term>,
+    error: Option<&[f32]>,
     origin: &Origin,
     out: &mut dyn Sink,
 ) -> io::Result<()> {
@@ -121,6 +123,7 @@ pub(crate) fn exr(
         channels.extend(three("albedo.", RGB, &film.albedo));
         channels.extend(three("normal.", ["X", "Y", "Z"], &film.normal));
         channels.push(("depth.Z".to_owned(), Source::Plain(&film.depth)));
+        channels.extend(error.map(|error| ("error.Y".to_owned(), Source::Plain(error))));
     }
     // Attributes of one's own are kept in hash maps of random order: one in each of the two keeps the bytes the same.
     let attributes = LayerAttributes {

@@ -225,7 +225,7 @@ mod tests {
         let origin = Origin { command: "freelux render", seed: 3 };
         let encoded = || {
             let mut bytes = Cursor::new(Vec::new());
-            encode::exr(&film, &film.picture(), None, &origin, &mut bytes).unwrap();
+            encode::exr(&film, &film.picture(), None, None, &origin, &mut bytes).unwrap();
             bytes.into_inner()
         };
         let bytes = encoded();

@@ -15,7 +15,7 @@ use crate::failure::{Failure, print};
 use crate::files::{self, Staged};
 use crate::machine;
 use crate::progress::Reporter;
-use crate::summary::Summary;
+use crate::summary::{ErrorSummary, Summary};
 use crate::view::ViewArgs;
 
 /// What messages call the scene when none is named.
@@ -32,6 +32,10 @@ pub(crate) struct RenderArgs {
     scene: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
+    /// Render until the relative error is at most E in 95 % of the pixels, by the picture's own estimate, which becomes a channel of the
+    /// EXR; the quality is that of the first round
+    #[arg(long, value_name = "E", value_parser = args::error, allow_hyphen_values = true, conflicts_with = "spp")]
+    error: Option<f32>,
     /// Picture to write, .exr or .png; may be given twice [default: freelux.exr and freelux.png]
     #[arg(long, value_name = "FILE.exr|.png")]
     out: Vec<Output>,
@@ -97,9 +101,14 @@ impl RenderArgs {
             scene.form_count()
         ));
 
-        let result = integrator::render(&scene, &settings, &|progress| reporter.update(progress));
+        let progress = |progress| reporter.update(progress);
+        let result = match self.error {
+            Some(error) => integrator::render_to_error(&scene, &settings, error, &progress)
+                .map(|(rendering, estimate)| (rendering, Some(estimate))),
+            None => integrator::render(&scene, &settings, &progress).map(|rendering| (rendering, None)),
+        };
         reporter.finish();
-        let Rendering { film, statistics } = result.map_err(Failure::input)?;
+        let (Rendering { film, statistics }, estimate) = result.map_err(Failure::input)?;
 
         let start = Instant::now();
         let whole = film.picture();
@@ -112,7 +121,8 @@ impl RenderArgs {
         for Output { path, kind } in outputs {
             match kind {
                 OutputKind::Exr => {
-                    staged.add(path, |out| encode::exr(&film, picture, self.term, &origin, out))?;
+                    let error = estimate.as_ref().map(|estimate| &estimate.relative[..]);
+                    staged.add(path, |out| encode::exr(&film, picture, self.term, error, &origin, out))?;
                 }
                 OutputKind::Png => {
                     let bytes = encode::png(film.size, picture, exposure)?;
@@ -138,6 +148,7 @@ impl RenderArgs {
             light_seconds: scene.light_seconds(),
             encode_seconds: start.elapsed().as_secs_f64(),
             peak_memory_bytes: machine::peak_bytes(),
+            error: self.error.zip(estimate.as_ref()).map(|(asked, estimate)| ErrorSummary::new(asked, estimate)),
             statistics: &statistics,
         };
         let to_stdout = self.stats.as_deref() == Some(Path::new("-"));
@@ -166,6 +177,7 @@ impl RenderArgs {
         for (name, value) in self.view.words(settings) {
             add(name, value);
         }
+        add("error", self.error.map(|error| error.to_string()));
         add("term", self.term.map(|term| term.name().to_owned()));
         words.extend(self.scene.as_ref().map(|path| path.display().to_string()));
         words.join(" ")

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use integrator::{Method, Statistics};
+use integrator::{ErrorEstimate, Method, Statistics};
 use serde::Serialize;
 
 /// All that is told at the end of a rendering; as JSON the statistics stand at the top level too.
@@ -34,9 +34,45 @@ pub(crate) struct Summary<'a> {
     pub(crate) encode_seconds: f64,
     /// Largest memory of the whole process so far, bytes; null where the system does not tell.
     pub(crate) peak_memory_bytes: Option<u64>,
+    /// Where an error was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) error: Option<ErrorSummary>,
     /// `render_seconds` and the rest.
     #[serde(flatten)]
     pub(crate) statistics: &'a Statistics,
+}
+
+/// What became of an error that was asked for.
+#[derive(Debug, Serialize)]
+pub(crate) struct ErrorSummary {
+    /// The relative error asked for.
+    asked: f32,
+    /// Share of the pixels that are estimated to be within it.
+    share: f32,
+    /// Root mean square of the relative bias.
+    bias: f32,
+    /// Pictures that were averaged.
+    passes: u32,
+    /// Whether it is reached in 95 % of the pixels.
+    is_reached: bool,
+}
+
+impl ErrorSummary {
+    pub(crate) fn new(asked: f32, estimate: &ErrorEstimate) -> Self {
+        let &ErrorEstimate { share, bias, passes, is_reached, .. } = estimate;
+        Self { asked, share, bias, passes, is_reached }
+    }
+
+    fn row(&self) -> String {
+        let Self { asked, share, bias, passes, is_reached } = self;
+        let verdict = if *is_reached { "" } else { ": not reached" };
+        format!(
+            "{:.3} % or less in {:.1} % of the pixels{verdict}; bias {:.2} %, {passes} passes",
+            100.0 * asked,
+            100.0 * share,
+            100.0 * bias
+        )
+    }
 }
 
 impl Summary<'_> {
@@ -70,6 +106,9 @@ impl Summary<'_> {
         seconds.push(("encode", self.encode_seconds));
         let seconds = seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2}"));
         table.row("seconds", seconds.collect::<Vec<_>>().join(", "));
+        if let Some(error) = &self.error {
+            table.row("error", error.row());
+        }
         table.row("rendered in", format!("{:.2} s", s.render_seconds));
 
         let rays = [
@@ -187,6 +226,7 @@ mod tests {
             light_seconds: 0.01,
             encode_seconds: 0.125,
             peak_memory_bytes: Some(123_456_789),
+            error: None,
             statistics,
         }
     }

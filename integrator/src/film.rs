@@ -226,6 +226,31 @@ impl Film {
         (0..self.pixel_count()).map(|pixel| self.terms(pixel).sum()).collect()
     }
 
+    /// Mixes another film of the same size in, so that it is this `share` of the whole. Depths are mixed where both have one.
+    pub(crate) fn mix(&mut self, other: &Self, share: f32) {
+        let planes = [
+            (&mut self.emitted, &other.emitted),
+            (&mut self.direct, &other.direct),
+            (&mut self.specular, &other.specular),
+            (&mut self.caustic, &other.caustic),
+            (&mut self.indirect, &other.indirect),
+            (&mut self.albedo, &other.albedo),
+            (&mut self.normal, &other.normal),
+        ];
+        for (plane, other) in planes {
+            for (value, other) in plane.iter_mut().zip(other) {
+                *value = value.lerp(*other, share);
+            }
+        }
+        for (depth, &other) in self.depth.iter_mut().zip(&other.depth) {
+            let mixed = *depth + (other - *depth) * share;
+            *depth = if mixed.is_finite() { mixed } else { depth.min(other) };
+        }
+        for (alpha, &other) in self.alpha.iter_mut().zip(&other.alpha) {
+            *alpha += (other - *alpha) * share;
+        }
+    }
+
     /// Returns the film cut into bands of `rows` rows (the last may be lower), from the top.
     ///
     /// # Panics
@@ -319,6 +344,22 @@ mod tests {
         let expected: Vec<_> = (0..15).map(|i| Vec3::new((i % 3) as f32, (i / 3) as f32, 1.0)).collect();
         assert_eq!(film.caustic, expected, "each pixel has its own value");
         assert_eq!(film.picture(), expected, "the other terms are black");
+    }
+
+    #[test]
+    fn mixed_films_are_means() {
+        let film = |value: f32, depth: f32| {
+            let mut film = Film::new(UVec2::ONE);
+            (film.indirect[0], film.depth[0], film.alpha[0]) = (Vec3::splat(value), depth, value);
+            film
+        };
+        let mut mixed = Film::new(UVec2::ONE);
+        mixed.mix(&film(4.0, f32::INFINITY), 1.0);
+        assert_eq!(mixed, film(4.0, f32::INFINITY), "the first is all of it");
+        mixed.mix(&film(0.0, 3.0), 0.25);
+        assert_eq!(mixed, film(3.0, 3.0), "three to one, and a depth where one has it");
+        mixed.mix(&film(3.0, 7.0), 0.25);
+        assert_eq!(mixed.depth, [4.0], "three to one");
     }
 
     #[test]

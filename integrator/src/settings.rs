@@ -4,7 +4,7 @@ use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::Study;
+use crate::{ERROR_RANGE, Study};
 
 /// Largest picture, pixels.
 pub const MAX_PIXELS: u64 = 1 << 28;
@@ -169,6 +169,9 @@ pub enum SettingsError {
     /// The quality.
     #[error("quality {0}: must lie between {min} and {max}", min = QUALITY_RANGE.0, max = QUALITY_RANGE.1)]
     Quality(f32),
+    /// The error asked for, see [`render_to_error`](crate::render_to_error).
+    #[error("error {0}: must lie between {min} and {max}", min = ERROR_RANGE.0, max = ERROR_RANGE.1)]
+    Error(f32),
 }
 
 #[cfg(test)]

@@ -124,12 +124,43 @@ impl Statistics {
     pub fn time<T>(&mut self, name: &str, work: impl FnOnce(&mut Self) -> T) -> T {
         let start = Instant::now();
         let result = work(self);
-        let seconds = start.elapsed().as_secs_f64();
+        self.add_seconds(name, start.elapsed().as_secs_f64());
+        result
+    }
+
+    fn add_seconds(&mut self, name: &str, seconds: f64) {
         match self.phases.iter_mut().find(|phase| phase.name == name) {
             Some(phase) => phase.seconds += seconds,
             None => self.phases.push(Phase { name: name.to_owned(), seconds }),
         }
-        result
+    }
+
+    /// Adds what one of several pictures of the same scene took, memory apart: of that the largest counts.
+    pub(crate) fn add_pass(&mut self, pass: &Self) {
+        let (before, of_pass) = (self.reprojected as f64, pass.reprojected as f64);
+        let all = (before + of_pass).max(1.0);
+        let mixed = |share: f64, of_share: f64| (share * before + of_share * of_pass) / all;
+        self.share_filled = mixed(self.share_filled, pass.share_filled);
+        self.share_unknown = mixed(self.share_unknown, pass.share_unknown);
+        self.share_traced = mixed(self.share_traced, pass.share_traced);
+        for phase in &pass.phases {
+            self.add_seconds(&phase.name, phase.seconds);
+        }
+        self.render_seconds += pass.render_seconds;
+        self.rays += pass.rays;
+        self.spp += pass.spp;
+        self.dropped_samples += pass.dropped_samples;
+        self.cut_paths += pass.cut_paths;
+        self.surface_points += pass.surface_points;
+        self.records += pass.records;
+        self.irradiance_records += pass.irradiance_records;
+        self.reprojected += pass.reprojected;
+        self.interpolated += pass.interpolated;
+        self.gathered += pass.gathered;
+        self.photons_shot += pass.photons_shot;
+        self.photons_global += pass.photons_global;
+        self.photons_caustic += pass.photons_caustic;
+        self.memory_bytes = self.memory_bytes.max(pass.memory_bytes);
     }
 
     /// Returns the time of the phase `name`, seconds; 0 where it did not run.

@@ -7,8 +7,8 @@
 //! ```
 
 use glam::Vec3;
-use integrator::metrics::{Image, ratio_of_means, rel_mse};
-use integrator::{Method, Settings, render};
+use integrator::metrics::{self, Image, ratio_of_means, rel_mse};
+use integrator::{Method, Settings, render, render_to_error};
 use tests::{Blocks, STUDY_SIZE, Study, is_full, print};
 
 fn pictures(study: &Study, seeds: u64, spp: u32) -> Vec<Vec<Vec3>> {
@@ -104,5 +104,42 @@ fn gloss_seen_in_gloss_keeps_its_light() {
         print(&format!("{width} x {height} pixels of gloss in gloss: ratio {ratio:.4}"));
         // Three deviations of the three pictures.
         assert!((ratio - 1.0).abs() < 0.015, "at {left}, {top}: ratio {ratio}");
+    }
+}
+
+#[test]
+fn stated_error_holds_for_95_percent() {
+    // One pixel of each of 20 x 20 blocks, as neighbours share records: of 400 with a probability of 0.05 each, more than 31 fail in one of 100 cases.
+    const BLOCKS: usize = 20;
+    let (names, error): (&[&str], f32) =
+        if is_full() { (&["cornell", "cornell-glossy", "atrium-env"], 0.05) } else { (&["cornell"], 0.1) };
+    for name in names {
+        let study = Study::open(name);
+        let settings = Settings { size: STUDY_SIZE, ..Settings::default() };
+        let (rendering, estimate) = render_to_error(&study.scene, &settings, error, &|_| ()).expect("valid settings");
+        let exposure = metrics::exposure(&study.image()).expect("a finite picture") as f32;
+        let picture = rendering.film.picture();
+        let is_beyond = |pixel: usize| {
+            let grey = |value: Vec3| value.element_sum() / 3.0;
+            let known = grey(study.reference[pixel]);
+            let scale_sq = known * known + 0.01 / (exposure * exposure);
+            // The reference has noise of its own; the channels' is nearly independent.
+            let of_reference = grey(study.variance[pixel]) / 3.0 / scale_sq;
+            let difference = grey(picture[pixel]) - known;
+            difference * difference / scale_sq > estimate.relative[pixel].powi(2) + 4.0 * of_reference
+        };
+        let side = STUDY_SIZE.x as usize;
+        let middle = |block: usize| (2 * block + 1) * side / (2 * BLOCKS);
+        let sampled = (0..BLOCKS * BLOCKS).map(|block| middle(block / BLOCKS) * side + middle(block % BLOCKS));
+        let failed = sampled.filter(|&pixel| is_beyond(pixel)).count();
+        let all = (0..picture.len()).filter(|&pixel| is_beyond(pixel)).count() as f32 / picture.len() as f32;
+        let what = format!(
+            "{name}, error {error}: {failed} of 400 pixels beyond their estimates, {all:.4} of all; {} passes, bias {:.4}",
+            estimate.passes, estimate.bias
+        );
+        print(&what);
+        assert!(estimate.is_reached && failed <= 31, "{what}");
+        // An estimate that is so fearful that nothing ever exceeds it tells nothing.
+        assert!(all > 0.001, "{what}");
     }
 }
