@@ -160,7 +160,9 @@ impl Statistics {
         self.photons_shot += pass.photons_shot;
         self.photons_global += pass.photons_global;
         self.photons_caustic += pass.photons_caustic;
-        self.memory_bytes = self.memory_bytes.max(pass.memory_bytes);
+        if pass.memory.total() > self.memory.total() {
+            self.memory = pass.memory;
+        }
     }
 
     /// Returns the time of the phase `name`, seconds; 0 where it did not run.

@@ -138,6 +138,22 @@ fn statistics_are_written_as_json() {
 }
 
 #[test]
+fn an_error_that_is_asked_for_is_estimated_in_a_channel() {
+    let folder = folder();
+    let scene = data("study/cornell/scene.toml");
+    let scene = scene.to_str().expect("the name is text");
+    let args = ["render", scene, "--size=16x16", "--error=0.3", "--out=a.exr", "--stats=a.json", "--quiet"];
+    freelux(folder.path(), &args).expect_done();
+    let image = read_all_flat_layers_from_file(folder.path().join("a.exr")).unwrap();
+    let error = channel(&image, "error.Y");
+    let within = error.iter().filter(|&&error| error <= 0.3).count();
+    assert!(within as f32 >= 0.95 * error.len() as f32, "{within} of {} pixels", error.len());
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join("a.json")).unwrap()).unwrap();
+    assert_eq!(json["error"]["is_reached"], true, "{json}");
+    assert!(json["error"]["passes"].as_u64() >= Some(4), "{json}");
+}
+
+#[test]
 fn exposure_brightens_the_png_alone() {
     let folder = folder();
     let mean = |name: &str| {
