@@ -117,16 +117,16 @@ fn stated_error_holds_for_95_percent() {
         let study = Study::open(name);
         let settings = Settings { size: STUDY_SIZE, ..Settings::default() };
         let (rendering, estimate) = render_to_error(&study.scene, &settings, error, &|_| ()).expect("valid settings");
-        let exposure = metrics::exposure(&study.image()).expect("a finite picture") as f32;
+        let exposure = metrics::exposure(&study.image()).expect("a finite picture");
         let picture = rendering.film.picture();
         let is_beyond = |pixel: usize| {
             let grey = |value: Vec3| value.element_sum() / 3.0;
             let known = grey(study.reference[pixel]);
-            let scale_sq = known * known + 0.01 / (exposure * exposure);
-            // The reference has noise of its own; the channels' is nearly independent.
-            let of_reference = grey(study.variance[pixel]) / 3.0 / scale_sq;
-            let difference = grey(picture[pixel]) - known;
-            difference * difference / scale_sq > estimate.relative[pixel].powi(2) + 4.0 * of_reference
+            let scale_sq = f64::from(known * known) + 0.01 / (exposure * exposure);
+            // The reference has noise of its own, in all three channels at once.
+            let allowed_sq =
+                f64::from(estimate.relative[pixel]).powi(2) * scale_sq + 4.0 * f64::from(grey(study.variance[pixel]));
+            f64::from(grey(picture[pixel]) - known).powi(2) > allowed_sq
         };
         let side = STUDY_SIZE.x as usize;
         let middle = |block: usize| (2 * block + 1) * side / (2 * BLOCKS);
