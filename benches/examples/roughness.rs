@@ -1,12 +1,12 @@
-//! A floor from rough to smooth: error and time, across the roughness where a lobe becomes narrower than the texels resolve, as a table in Markdown.
+//! A metal floor from rough to smooth: error and time, across the roughness from which on a lobe is traced and reads no texture, as a table in Markdown.
 //!
-//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 14 of them without any; five minutes on two cores, most of them
-//! for the references by the path tracer. The resolution is fixed, so that the crossover, alpha = 3/n, is where the table says.
+//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 13 of them without any; five minutes on two cores, most of them
+//! for the references by the path tracer.
 
 use benches::renders::{Runs, processor, render};
 use glam::{UVec2, Vec3};
 use integrator::metrics::{Batches, Image, Reference};
-use integrator::{Method, Settings, Study};
+use integrator::{Method, Settings};
 use scene::{Material, Scene, SpecularKind};
 use tests::{Builder, cuboid, icosphere, lambert, lamp};
 
@@ -19,18 +19,19 @@ const REFERENCE_SPP: u32 = 64;
 /// Seeds of references, apart from those of pictures.
 const REFERENCE_SEED: u64 = 1 << 32;
 
-/// Methods with the texels along a side of a gather that they take by themselves at quality 1 where something is glossy.
-const METHODS: [(Method, u32); 2] = [(Method::Reproject, 40), (Method::Gather, 16)];
+const METHODS: [Method; 2] = [Method::Reproject, Method::Gather];
 
-/// Just above and just below 3/16 and 3/40, and what is between and around.
-const ALPHAS: [f32; 14] = [1.0, 0.5, 0.3, 0.191, 0.184, 0.12, 0.09, 0.0765, 0.0735, 0.06, 0.03, 0.01, 0.003, 0.001];
+/// Narrower lobes are traced by default.
+const CROSSOVER: f32 = 0.5;
+/// Just above and just below it, and what is around.
+const ALPHAS: [f32; 13] = [1.0, 0.7, 0.51, 0.49, 0.3, 0.2, 0.12, 0.09, 0.06, 0.03, 0.01, 0.003, 0.001];
 
 /// A closed room with a box and a ball on its floor, which is glossy.
 fn scene(alpha: f32) -> Scene {
     let coloured = |r, g, b| Material { diffuse: Vec3::new(r, g, b), ..lambert(0.0) };
     let specular = SpecularKind::Ggx { alpha, reflectance: Vec3::splat(0.6), schlick: false };
     Builder::default()
-        .square(Vec3::NEG_Z, Vec3::Z, 1.0, Material { specular, ..lambert(0.5) })
+        .square(Vec3::NEG_Z, Vec3::Z, 1.0, Material { specular, ..lambert(0.0) })
         .square(Vec3::Z, Vec3::NEG_Z, 1.0, lambert(0.7))
         .square(Vec3::Y, Vec3::NEG_Y, 1.0, lambert(0.7))
         .square(Vec3::NEG_Y, Vec3::Y, 1.0, lambert(0.7))
@@ -69,17 +70,15 @@ fn main() {
         let reference = reference(&scene);
         let own = reference.own_rel_mse().expect("a finite picture").expect("there are several batches");
         print!("| {alpha} | {:.1e} |", own.robust);
-        for (method, n) in METHODS {
-            let crossover = 3.0 / n as f32;
+        for method in METHODS {
             let mut runs = Runs::default();
             for seed in 0..SEEDS {
-                let study = Study { resolution: Some(n), ..Study::default() };
-                let settings = Settings { method, size: UVec2::splat(SIDE), seed, study, ..Settings::default() };
+                let settings = Settings { method, size: UVec2::splat(SIDE), seed, ..Settings::default() };
                 runs.add(&scene, &settings, &reference);
             }
             let [plain, robust] = runs.errors(&reference).expect("a finite reference");
             // The first that is traced instead of looked up in the texture.
-            let is_first = number > 0 && alpha < crossover && alphas[number - 1] >= crossover;
+            let is_first = number > 0 && alpha < CROSSOVER && alphas[number - 1] >= CROSSOVER;
             let mark = if is_first { " (traced)" } else { "" };
             print!(" {:.3}{mark} | {plain} | {robust} | {:.4} |", runs.seconds(), runs.ratio());
         }

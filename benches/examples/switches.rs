@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 13] = [
+const SWITCHES: [(&str, &str); 14] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -23,7 +23,8 @@ const SWITCHES: [(&str, &str); 13] = [
     ("layers=8", "8 layers"),
     ("step=1", "a hole ray a texel"),
     ("step=3", "a hole ray for 3 x 3 texels"),
-    ("light-samples=2", "2 light samples"),
+    ("light-samples=1", "1 light sample"),
+    ("texture-alpha=0", "gloss read from textures"),
     ("secondary=photons", "photon map at secondary hits"),
 ];
 
