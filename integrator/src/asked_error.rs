@@ -290,7 +290,7 @@ impl Controls {
                     let paths = (0..GROUP).map(|path| {
                         let mut sampler = Sampler::new(seed, key, path);
                         let film = control.position.as_vec2() + sampler.next_2d();
-                        let ray = scene.camera().ray(film, size);
+                        let ray = scene.camera_ray(film, size);
                         f64::from(grey(tracer.trace(&ray, &mut sampler).terms.sum()))
                     });
                     let mean = paths.sum::<f64>() / f64::from(GROUP);

@@ -95,7 +95,7 @@ impl Pictures {
         let Effort { side, seeds, .. } = *effort;
         let points = (0..side * side).map(|pixel| {
             let film = Vec2::new((pixel % side) as f32, (pixel / side) as f32) + 0.5;
-            let ray = scene.camera().ray(film, UVec2::splat(side));
+            let ray = scene.camera_ray(film, UVec2::splat(side));
             scene.intersect(&ray).map(|hit| scene.surface(&ray, &hit).p.as_dvec3())
         });
         let points = points.collect();
