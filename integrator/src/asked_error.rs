@@ -13,6 +13,8 @@
 //! where n = (sum of w)^2 / sum of w^2 is the number of passes if they counted alike, s^2 / D^2 is averaged over 3 x 3 pixels, `bright` is the
 //! 90th percentile of the picture, and t the quantile of Student's distribution that is exceeded in one of 20 cases. D is the denominator of relMSE.
 
+use std::time::Instant;
+
 use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use scene::Scene;
@@ -97,6 +99,7 @@ pub fn render_to_error(
     if !(ERROR_RANGE.0..=ERROR_RANGE.1).contains(&error) {
         return Err(SettingsError::Error(error));
     }
+    let start = Instant::now();
     let mut passes = Passes::new(settings.size);
     let mut controls = Controls::new(settings);
     let mut statistics = Statistics::default();
@@ -114,16 +117,15 @@ pub fn render_to_error(
         let mut bias_sq = 0.0;
         let measure = passes.measure();
         if settings.method != Method::Path {
-            let seconds = statistics.seconds("verify");
             bias_sq = statistics.time("verify", |statistics| {
                 controls.trace(scene, settings.size, &mut statistics.rays);
                 controls.bias_sq(&measure, error)
             });
-            statistics.render_seconds += statistics.seconds("verify") - seconds;
         }
         let estimate = measure.estimate(bias_sq, error, passes.count);
         let most = crate::QUALITY_RANGE.1;
         if estimate.is_reached || round == MAX_ROUNDS || quality >= most {
+            statistics.render_seconds = start.elapsed().as_secs_f64();
             return Ok((Rendering { film: passes.film, statistics }, estimate));
         }
         let excess = estimate.excess(error);
@@ -182,7 +184,7 @@ impl Passes {
         let picture = self.film.picture();
         let size = self.film.size;
         let exposure = Image::new(size, &picture).and_then(|picture| metrics::exposure(&picture)).unwrap_or(1.0);
-        let floor_sq = 0.01 / (exposure * exposure);
+        let floor_sq = metrics::EPSILON / (exposure * exposure);
         let weight = f64::from(self.weight);
         let alike = weight * weight / self.weight_sq;
         let mean: Vec<f32> = picture.into_iter().map(grey).collect();

@@ -65,11 +65,11 @@ pub(crate) struct Cells {
 }
 
 /// What cells are made from.
-pub(crate) struct CellBuilder<'a, C> {
+pub(crate) struct CellBuilder<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) sky: Option<&'a SkySplit>,
-    /// Irradiance by caustics at a surface.
-    pub(crate) caustic: C,
+    /// For the irradiance by caustics.
+    pub(crate) photons: PhotonSource<'a>,
     pub(crate) seed: u64,
     /// Number of rays to spend on links, and on shadow rays.
     pub(crate) ray_budget: u32,
@@ -86,7 +86,7 @@ struct Row {
     rays: RayCounts,
 }
 
-impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
+impl CellBuilder<'_> {
     /// Finds the cells and solves for their light.
     pub(crate) fn build(&self, size: UVec2, rays: &mut RayCounts) -> Cells {
         let hits = self.probe(size, rays);
@@ -222,7 +222,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
             }
         }
         for point in points {
-            row.caustic += (self.caustic)(&point.surface) / points.len() as f32;
+            row.caustic += self.photons.blurred_caustic_irradiance(&point.surface) / points.len() as f32;
         }
         row.source += row.caustic;
         row
@@ -242,15 +242,15 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> CellBuilder<'_, C> {
 }
 
 /// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
-struct LinkWalk<'a, C> {
-    builder: &'a CellBuilder<'a, C>,
+struct LinkWalk<'a> {
+    builder: &'a CellBuilder<'a>,
     cells: &'a Cells,
     row: &'a mut Row,
     /// Share of the ray in the mean of its cell, so that radiance along it counts pi times as much in the irradiance.
     share: f32,
 }
 
-impl<C: Fn(&Surface) -> Vec3 + Sync> Visitor for LinkWalk<'_, C> {
+impl Visitor for LinkWalk<'_> {
     fn visit(&mut self, shading: &Shading, beta: Vec3, _: f32) -> Taken {
         let Some(cell) = self.cells.cell_of(&shading.surface) else { return Taken::Nothing };
         self.row.links.push((cell, self.share * beta * shading.bsdf.diffuse));
@@ -262,7 +262,7 @@ impl<C: Fn(&Surface) -> Vec3 + Sync> Visitor for LinkWalk<'_, C> {
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        (self.builder.caustic)(surface)
+        self.builder.photons.blurred_caustic_irradiance(surface)
     }
 }
 

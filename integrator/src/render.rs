@@ -2,8 +2,7 @@
 
 use std::time::Instant;
 
-use glam::Vec3;
-use scene::{Scene, Surface};
+use scene::Scene;
 
 use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::explain::Witness;
@@ -60,9 +59,8 @@ pub(crate) fn render_watched(
             if plan.secondary == SecondaryKind::Photons {
                 four_terms::render(scene, settings, &plan, &photons, sky, &mut statistics, progress, witness)
             } else {
-                let caustic = |surface: &Surface| photons.blurred_caustic_irradiance(surface);
                 let cells = statistics.time("cells", |statistics| {
-                    solve_cells(scene, settings, &plan, sky, caustic, statistics, progress)
+                    solve_cells(scene, settings, &plan, sky, photons, statistics, progress)
                 });
                 let source = CellSource { cells: &cells, photons };
                 four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
@@ -106,7 +104,7 @@ fn solve_cells(
     settings: &Settings,
     plan: &Plan,
     sky: Option<&SkySplit>,
-    caustic: impl Fn(&Surface) -> Vec3 + Sync,
+    photons: PhotonSource<'_>,
     statistics: &mut Statistics,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Cells {
@@ -115,7 +113,7 @@ fn solve_cells(
     }
     progress(Progress { phase: "cells", done: 0.0 });
     let seed = hash_pair(settings.seed, CELL_STREAM);
-    let builder = CellBuilder { scene, sky, caustic, seed, ray_budget: plan.cell_rays };
+    let builder = CellBuilder { scene, sky, photons, seed, ray_budget: plan.cell_rays };
     let cells = builder.build(settings.size, &mut statistics.rays);
     statistics.memory.cells = cells.memory_bytes() as u64;
     progress(Progress { phase: "cells", done: 1.0 });

@@ -146,7 +146,6 @@ impl Statistics {
         for phase in &pass.phases {
             self.add_seconds(&phase.name, phase.seconds);
         }
-        self.render_seconds += pass.render_seconds;
         self.rays += pass.rays;
         self.spp += pass.spp;
         self.dropped_samples += pass.dropped_samples;

@@ -14,6 +14,7 @@ mod light;
 mod load;
 mod material;
 mod media;
+mod mix;
 mod noise;
 mod projection;
 mod ray;

@@ -10,6 +10,7 @@ use crate::check;
 use crate::form::Form;
 use crate::light::{FormLight, TriangleLight};
 use crate::media::MediumTable;
+use crate::mix;
 use crate::triangles::Triangles;
 use crate::{
     Aabb, Bsdf, BuildError, Camera, Description, Hit, Lights, Material, Media, Ray, Specular, SpecularKind, Surface,
@@ -513,17 +514,13 @@ fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], light
     features
 }
 
-/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on the place on it (the finaliser of
-/// SplitMix64).
+/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on the place on it.
 fn ray_hash(ray: &Ray, primitive: u32, place: u32) -> f32 {
     let [ox, oy, oz] = ray.origin.to_array().map(|x| u64::from(x.to_bits()));
     let [dx, dy, dz] = ray.direction.to_array().map(|x| u64::from(x.to_bits()));
     let mut hash = 0u64;
     for word in [ox << 32 | oy, oz << 32 | dx, dy << 32 | dz, u64::from(place) << 32 | u64::from(primitive)] {
-        hash = (hash ^ word).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        hash ^= hash >> 31;
+        hash = mix::mixed((hash ^ word).wrapping_add(mix::STEP));
     }
     (hash >> 40) as f32 / (1u64 << 24) as f32
 }

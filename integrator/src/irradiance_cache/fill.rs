@@ -32,7 +32,8 @@ pub(crate) fn fill<S: Secondary>(
     let mut values: Vec<Option<Incident>> =
         points.iter().map(|point| (!term.asks(point)).then(Incident::default)).collect();
     let mut has_looked = vec![false; points.len()];
-    let places: Vec<Place> = points.par_iter().map(|point| place(term, point)).collect();
+    let places: Vec<Place> =
+        points.par_iter().zip(&values).map(|(point, value)| place(term, point, value.is_none())).collect();
     counts.rays.hole += values.iter().filter(|value| value.is_none()).count() as u64;
     for stride in STRIDES {
         let level = lattice.level(stride, &values);
@@ -69,10 +70,10 @@ pub(crate) fn fill<S: Secondary>(
     (0..points.len()).into_par_iter().map(rest).collect()
 }
 
-/// A point as one that asks records: what stands above it is found by a ray, if anything is to be asked.
-fn place<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint) -> Place {
+/// A point as one that asks records: what stands above it is found by a ray, if it `asks` any.
+fn place<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, asks: bool) -> Place {
     let surface = &point.shading.surface;
     let overhead = || term.gatherer.scene.intersect(&surface.spawn(surface.ng));
-    let hit = if term.asks(point) { overhead() } else { None };
+    let hit = if asks { overhead() } else { None };
     Place { p: surface.p, n: surface.n, clearance: hit.map_or(f32::INFINITY, |hit| hit.t) }
 }

@@ -8,7 +8,7 @@
 use super::{Image, MetricsError, finite_pairs, same_size};
 
 /// Keeps black pixels from ruling the mean: a tenth of full scale, squared.
-pub(super) const EPSILON: f64 = 0.01;
+pub(crate) const EPSILON: f64 = 0.01;
 /// The share of pixels that the robust figure leaves out: fireflies, which a viewer would remove.
 const WORST_SHARE: f64 = 0.001;
 /// What the 90th percentile is brought to.

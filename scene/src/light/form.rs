@@ -20,6 +20,7 @@ use hemimap::double::Frame;
 use super::region::Region;
 use super::{Emission, LightSample};
 use crate::body::Body;
+use crate::mix::mixed;
 use crate::{Aabb, Ray, surface};
 
 /// An emissive free form.
@@ -97,15 +98,10 @@ impl FormLight {
         let (t, count) = if self.is_pierced { self.any_entry(ray)? } else { (self.first_entry(&ray)?, 1.0) };
         let offset = ray.at(t) - p;
         let distance = offset.length();
+        let wi = (offset / distance).as_vec3a();
         #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let sample = LightSample {
-            wi: (offset / distance).as_vec3a(),
-            distance: distance as f32,
-            radiance: self.radiance * count,
-            pdf: pdf as f32 * probability,
-            delta: false,
-        };
-        (sample.pdf > 0.0 && sample.pdf.is_finite() && sample.distance > 0.0).then_some(sample)
+        let (distance, pdf) = (distance as f32, pdf as f32);
+        LightSample::of_surface(wi, distance, self.radiance * count, pdf * probability)
     }
 
     /// Returns where the ray first meets the form; `None` where it starts within, for the back is dark.
@@ -211,13 +207,6 @@ impl FormLight {
         }
         self.line_measure() * exits / f64::from(lines) / PI
     }
-}
-
-/// Returns bits that look random (the finaliser of SplitMix64).
-fn mixed(bits: u64) -> u64 {
-    let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ (bits >> 31)
 }
 
 /// Returns the map from a solid that is one ellipsoid to the unit ball.

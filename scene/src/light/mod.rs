@@ -67,6 +67,15 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+impl LightSample {
+    /// A sample of a light that has a surface; `None` where density or distance are no use, as for a light that is seen edge on.
+    #[inline]
+    fn of_surface(wi: Vec3A, distance: f32, radiance: Vec3, pdf: f32) -> Option<Self> {
+        let is_sound = pdf > 0.0 && pdf.is_finite() && distance > 0.0;
+        is_sound.then_some(Self { wi, distance, radiance, pdf, delta: false })
+    }
+}
+
 /// Density per steradian of a point that was chosen uniformly on an area and is seen at the cosine to its normal; 0 where that is no number
 /// or the point is seen from behind.
 #[inline]

@@ -111,13 +111,7 @@ impl RectangleLight {
         let distance = distance_sq.sqrt();
         let wi = offset / distance;
         let pdf = near.map_or_else(|| self.pdf_by_area(wi, distance_sq), |near| near.pdf()) * probability;
-        (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
-            wi,
-            distance,
-            radiance: self.radiance,
-            pdf,
-            delta: false,
-        })
+        LightSample::of_surface(wi, distance, self.radiance, pdf)
     }
 
     /// Returns the density of a direction in which a ray from `p` met this rectangle at `surface`, per steradian.

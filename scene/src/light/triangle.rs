@@ -69,14 +69,7 @@ impl TriangleLight {
                 let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
                 #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
                 let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
-                let wi = direction.as_vec3a();
-                (distance > 0.0).then_some(LightSample {
-                    wi,
-                    distance,
-                    radiance: self.radiance,
-                    pdf: pdf * probability,
-                    delta: false,
-                })
+                LightSample::of_surface(direction.as_vec3a(), distance, self.radiance, pdf * probability)
             }
             None => {
                 let offset = self.point(u) - p;
@@ -84,13 +77,7 @@ impl TriangleLight {
                 let distance = distance_sq.sqrt();
                 let wi = offset / distance;
                 let pdf = pdf_by_area(-self.normal.dot(wi), self.area, distance_sq) * probability;
-                (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
-                    wi,
-                    distance,
-                    radiance: self.radiance,
-                    pdf,
-                    delta: false,
-                })
+                LightSample::of_surface(wi, distance, self.radiance, pdf)
             }
         }
     }

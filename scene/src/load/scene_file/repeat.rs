@@ -8,6 +8,7 @@ use super::Source;
 use super::schema::RepeatTable;
 use crate::load::error::LoadError;
 use crate::load::limits;
+use crate::mix;
 
 /// Makes the places of the copies of a form that stands at `center` (what it is turned and scaled about).
 pub(super) fn copies(
@@ -64,11 +65,8 @@ impl Random {
     /// Three numbers in [-1, 1).
     fn signed(&mut self) -> DVec3 {
         let mut next = || {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+            self.0 = self.0.wrapping_add(mix::STEP);
+            (mix::mixed(self.0) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
         };
         DVec3::new(next(), next(), next())
     }
