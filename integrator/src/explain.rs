@@ -14,7 +14,7 @@ use scene::Scene;
 use crate::film::{Band, Terms};
 use crate::lattice::Lattice;
 use crate::render::render_watched;
-use crate::surface_points::SurfacePoint;
+use crate::surface_points::{PixelPoints, SurfacePoint};
 use crate::terms::indirect::Incident;
 use crate::{Progress, Settings, SettingsError, Statistics};
 
@@ -174,9 +174,10 @@ impl Witness {
         }
     }
 
-    /// Ends a band, whose points have got their light.
-    pub(crate) fn leave(&self, lattice: &Lattice, values: &[Incident]) {
+    /// Ends a band of `pixels`, whose points have got their light.
+    pub(crate) fn leave(&self, pixels: &[PixelPoints], lattice: &Lattice, values: &[Incident]) {
         let number = self.number.load(Ordering::Relaxed);
+        let Some(pixel) = pixels.get(number as usize) else { return };
         let steps = self.steps.lock().unwrap_or_else(PoisonError::into_inner);
         let of_pixel = lattice.points().iter().zip(values).filter(|(point, _)| point.pixel == number);
         let explained = of_pixel.map(|(point, value)| {
@@ -187,7 +188,7 @@ impl Witness {
                 material: surface.material,
                 behind_mirror: point.chain != 0,
                 footprint: point.footprint,
-                diffuse_weight: point.diffuse_weight,
+                diffuse_weight: point.diffuse_weight / pixel.samples as f32,
                 steps: steps.iter().filter(|(key, _)| *key == point.key).map(|&(_, step)| step).collect(),
                 near: value.near,
                 sky: value.sky,

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use scene::Scene;
 
+use crate::allocation::{FirstSamples, allocate};
 use crate::explain::Witness;
 use crate::film::{Band, Film, Terms};
 use crate::gather::Gatherer;
@@ -44,6 +45,7 @@ pub(crate) fn render<S: Secondary>(
     let mut index = radcache::Index::new(plan.validity(0.0, scene_size));
     let mut irradiance = irradiance_cache::Index::default();
     let mut counts = Counts::default();
+    let mut samples = 0;
     let rows = (BAND_PIXELS / settings.size.x).max(1);
     let bands = film.bands_mut(rows);
     let total = bands.len() as f32;
@@ -54,6 +56,7 @@ pub(crate) fn render<S: Secondary>(
         }
         progress(Progress { phase: "direct", done });
         let pixels = statistics.time("direct", |_| trace_primary(&primary, &band));
+        samples += pixels.iter().map(|pixel| u64::from(pixel.samples)).sum::<u64>();
         progress(Progress { phase: "indirect", done });
         let lattice =
             Lattice::new(settings.size.x as usize, band.pixel_count() / settings.size.x as usize, all_points(&pixels));
@@ -69,7 +72,7 @@ pub(crate) fn render<S: Secondary>(
             }
         });
         if let Some(witness) = witness {
-            witness.leave(&lattice, &values);
+            witness.leave(&pixels, &lattice, &values);
         }
         statistics.time("film", |statistics| {
             develop(&mut band, pixels, &lattice, &values, plan, secondary, statistics);
@@ -77,7 +80,9 @@ pub(crate) fn render<S: Secondary>(
     }
     progress(Progress { phase: "indirect", done: 1.0 });
     add_counts(statistics, &counts);
-    statistics.spp = plan.spp;
+    #[expect(clippy::cast_possible_truncation, reason = "a pixel takes fewer than 2^32 samples")]
+    let mean_spp = samples.div_ceil(u64::from(settings.size.element_product())) as u32;
+    statistics.spp = mean_spp;
     statistics.records = index.len() as u64;
     statistics.irradiance_records = irradiance.len() as u64;
     statistics.memory.records = index.memory_bytes() as u64;
@@ -89,11 +94,23 @@ pub(crate) fn render<S: Secondary>(
 /// Keeps the random numbers of gathers apart from those of primary rays.
 const GATHER_STREAM: u64 = 0x6761_7468_6572;
 
+/// Traces the primary rays of a band: the first samples of all pixels, then more where there is noise.
 fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec<PixelPoints> {
-    (0..band.pixel_count())
-        .into_par_iter()
-        .map(|index| primary.pixel(band.position(index), u32::try_from(index).expect("a band is small")))
-        .collect()
+    let trace = |index: usize, samples: u32, pixel: &mut PixelPoints| {
+        primary.trace(band.position(index), u32::try_from(index).expect("a band is small"), samples, pixel);
+    };
+    let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).map(|_| PixelPoints::default()).collect();
+    let plan = primary.plan;
+    pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| trace(index, plan.first_spp, pixel));
+    let first: Vec<FirstSamples> =
+        pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect();
+    let factors = allocate(primary.size.x as usize, plan.first_spp, plan.budget, &first);
+    pixels
+        .par_iter_mut()
+        .zip(factors)
+        .enumerate()
+        .for_each(|(index, (pixel, factor))| trace(index, plan.first_spp * factor, pixel));
+    pixels
 }
 
 fn all_points(pixels: &[PixelPoints]) -> Vec<crate::surface_points::SurfacePoint> {
@@ -137,15 +154,15 @@ fn develop<S: Secondary>(
         statistics.dropped_samples += pixel.dropped;
         statistics.surface_points += pixel.points.len() as u64;
         for _ in 0..pixel.points.len() {
-            // The weights of points hold the share of their samples; the mean divides by the number of samples.
+            // The weights of points are sums over their samples, as the light of samples is.
             if terms[next].is_finite() {
-                pixel.sum.add_terms(&terms[next], f64::from(plan.spp));
+                pixel.sum.add_terms(&terms[next], 1.0);
             } else {
                 statistics.dropped_samples += 1;
             }
             next += 1;
         }
-        band.set(index, &pixel.sum.mean(f64::from(plan.spp)));
+        band.set(index, &pixel.sum.mean(f64::from(pixel.samples)));
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod metrics;
 
+mod allocation;
 mod asked_error;
 mod cells;
 mod explain;

@@ -3,6 +3,7 @@
 use radcache::{MergeSettings, RecordSettings, Validity};
 use scene::Scene;
 
+use crate::allocation::Budget;
 use crate::{Method, SecondaryKind, Settings};
 
 /// The decisions of a rendering by the four-term methods.
@@ -10,8 +11,9 @@ use crate::{Method, SecondaryKind, Settings};
 pub(crate) struct Plan {
     /// Where gather rays take their light from.
     pub(crate) secondary: SecondaryKind,
-    /// Primary samples a pixel.
-    pub(crate) spp: u32,
+    /// Primary samples that each pixel takes before more are given to those that need them, and what decides how many.
+    pub(crate) first_spp: u32,
+    pub(crate) budget: Budget,
     /// Light samples a primary sample.
     pub(crate) light_samples: u32,
     /// Resolution of a gather that becomes a record, and of one that does not.
@@ -64,7 +66,14 @@ impl Plan {
         };
         let n = study.resolution.unwrap_or(n);
         let (n, look_n) = (n as usize, look_n.min(n) as usize);
-        let spp = settings.spp.unwrap_or_else(|| round(32.0 * quality, 4.0, 65_536.0));
+        let (first_spp, budget) = match settings.spp {
+            // A pixel without noise takes a quarter of the mean.
+            Some(spp) => (power_of_two(spp as f32 / 4.0).clamp(2, spp.max(2)).min(spp), Budget::Mean(spp)),
+            None => (
+                power_of_two(8.0 * quality).max(2),
+                Budget::Noise(1e-3 / quality, round(128.0 * quality, 8.0, 65_536.0)),
+            ),
+        };
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
@@ -72,7 +81,8 @@ impl Plan {
         let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
         Self {
             secondary,
-            spp,
+            first_spp,
+            budget,
             light_samples: study.light_samples.unwrap_or(if features.environment { 4 } else { 2 }),
             n,
             look_n,
@@ -125,6 +135,11 @@ const MIN_PIXELS: f32 = 1.0;
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
+
+/// The power of two that is nearest, by ratio.
+fn power_of_two(x: f32) -> u32 {
+    1 << round(x.max(1.0).log2(), 0.0, 16.0)
+}
 
 fn round(x: f32, min: f32, max: f32) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]

@@ -4,6 +4,7 @@
 use glam::{UVec2, Vec2, Vec3};
 use scene::{Hit, Ray, Scene, Surface};
 
+use crate::allocation::SampleNoise;
 use crate::film::{FirstHit, PixelSum, Terms, guide_albedo};
 use crate::plan::Plan;
 use crate::sampler::{Sampler, hash_pair};
@@ -21,10 +22,12 @@ pub(crate) struct SurfacePoint {
     pub(crate) chain: u64,
     /// The sample that stands for the others.
     pub(crate) shading: Shading,
-    /// Mean over the pixel's samples of throughput times albedo.
+    /// Sum over the pixel's samples of throughput times albedo.
     pub(crate) diffuse_weight: Vec3,
-    /// Mean throughput, for the glossy part.
+    /// Sum of throughput, for the glossy part.
     pub(crate) specular_weight: Vec3,
+    /// About the radiance that a white surface reflects there of indirect light, as far as the secondary solution knows it.
+    ambient: Vec3,
     /// Width of the pixel at the surface, metres.
     pub(crate) footprint: f32,
     /// Names the point to the generators of random numbers.
@@ -38,6 +41,10 @@ pub(crate) struct PixelPoints {
     pub(crate) points: Vec<SurfacePoint>,
     pub(crate) rays: RayCounts,
     pub(crate) dropped: u64,
+    /// Number of samples.
+    pub(crate) samples: u32,
+    /// What the samples up to now tell of the noise.
+    pub(crate) noise: SampleNoise,
 }
 
 /// Mirrors and glass seen by a primary ray split it in both branches so often; beyond, one is chosen.
@@ -75,15 +82,15 @@ pub(crate) struct Primary<'a, S> {
 }
 
 impl<S: Secondary> Primary<'_, S> {
-    /// Traces the samples of the pixel at `position`, which is number `pixel` of its band: its light that needs no cache, and its
-    /// surface points.
-    pub(crate) fn pixel(&self, position: UVec2, pixel: u32) -> PixelPoints {
-        let mut found = PixelPoints::default();
+    /// Traces samples of the pixel at `position`, which is number `pixel` of its band, until it has as many as `samples`: adds its light that needs
+    /// no cache, and its surface points.
+    pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
-        for number in 0..self.plan.spp {
+        for number in found.samples..samples {
             let mut sampler = Sampler::new(self.seed, key, number);
             let film = position.as_vec2() + sampler.next_2d();
             let mut terms = Terms::default();
+            let mut ambient = Vec3::ZERO;
             let mut stack = vec![Branch {
                 ray: self.scene.camera_ray(film, self.size),
                 beta: Vec3::ONE,
@@ -96,15 +103,16 @@ impl<S: Secondary> Primary<'_, S> {
             while let Some(branch) = stack.pop() {
                 branch_number += 1;
                 sampler.start_bounce(branch_number);
-                self.step(branch, pixel, key, &mut sampler, &mut stack, &mut terms, &mut found);
+                self.step(branch, pixel, key, &mut sampler, &mut stack, &mut terms, &mut ambient, found);
             }
             if terms.is_finite() {
                 found.sum.add_terms(&terms, 1.0);
+                found.noise.add((terms.sum() + ambient).element_sum() / 3.0);
             } else {
                 found.dropped += 1;
             }
         }
-        found
+        found.samples = samples;
     }
 
     fn step(
@@ -115,6 +123,7 @@ impl<S: Secondary> Primary<'_, S> {
         sampler: &mut Sampler,
         stack: &mut Vec<Branch>,
         terms: &mut Terms,
+        ambient: &mut Vec3,
         found: &mut PixelPoints,
     ) {
         let Branch { ray, chain, bounces, .. } = branch;
@@ -146,15 +155,32 @@ impl<S: Secondary> Primary<'_, S> {
                 pixel,
                 chain,
                 shading: off_seams(self.scene, shading, &ray, &hit, footprint),
-                diffuse_weight: beta * bsdf.diffuse / self.plan.spp as f32,
-                specular_weight: beta / self.plan.spp as f32,
+                diffuse_weight: beta * bsdf.diffuse,
+                specular_weight: beta,
+                ambient: Vec3::ZERO,
                 footprint,
                 key: hash_pair(key, found.points.len() as u64),
             };
-            add_point(&mut found.points, point, length);
+            *ambient += point.diffuse_weight * self.add_point(&mut found.points, point, length).ambient;
         }
         if bounces < MAX_CHAIN {
             self.branch(&shading, beta, Branch { length, ..branch }, sampler, stack, &mut found.rays);
+        }
+    }
+
+    /// Adds a sample to the point of its surface, or starts one; returns the point.
+    fn add_point<'b>(&self, points: &'b mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) -> &'b SurfacePoint {
+        let same = points.iter().position(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
+        if let Some(same) = same {
+            let same = &mut points[same];
+            same.diffuse_weight += point.diffuse_weight;
+            same.specular_weight += point.specular_weight;
+            same
+        } else {
+            let known = self.secondary.irradiance(&point.shading.surface);
+            let ambient = known.map_or(Vec3::ZERO, |known| known.indirect * std::f32::consts::FRAC_1_PI);
+            points.push(SurfacePoint { ambient, ..point });
+            &points[points.len() - 1]
         }
     }
 
@@ -237,18 +263,6 @@ fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
         0 => terms.emitted += radiance,
         1 => terms.direct += radiance,
         _ => terms.specular += radiance,
-    }
-}
-
-/// Adds a sample to the point of its surface, or starts one.
-fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) {
-    let same = points.iter_mut().find(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
-    match same {
-        Some(other) => {
-            other.diffuse_weight += point.diffuse_weight;
-            other.specular_weight += point.specular_weight;
-        }
-        None => points.push(point),
     }
 }
 

@@ -67,17 +67,22 @@ pub(super) fn summary(mut errors: Vec<f64>) -> Result<(f64, f64), MetricsError> 
 /// # Errors
 /// When no pixel is finite.
 pub fn exposure(reference: &Image) -> Result<f64, MetricsError> {
-    let mut means: Vec<f64> = reference
+    let means = reference
         .pixels()
         .iter()
         .filter(|pixel| pixel.is_finite())
         .map(|pixel| pixel.as_dvec3().element_sum() / 3.0)
         .collect();
+    exposure_of(means).ok_or(MetricsError::NothingFinite)
+}
+
+/// The exposure of pixels with these means of R, G and B; `None` without a pixel.
+pub(crate) fn exposure_of(mut means: Vec<f64>) -> Option<f64> {
     if means.is_empty() {
-        return Err(MetricsError::NothingFinite);
+        return None;
     }
     let bright = percentile(&mut means, PERCENTILE);
-    Ok(if bright > 0.0 { TARGET / bright } else { 1.0 })
+    Some(if bright > 0.0 { TARGET / bright } else { 1.0 })
 }
 
 /// The `q`-th quantile by linear interpolation between the two nearest of the sorted values, as numpy's default.

@@ -1,0 +1,195 @@
+//! How many primary samples each pixel takes: many where they differ, at edges, in half shadows and in gloss, few where all are alike.
+//!
+//! Every pixel takes some samples first. What they tell of the noise around a pixel, without its own samples, decides how many it takes altogether: its
+//! count depends on nothing that enters its mean, so that the mean stays without bias (a pixel that judges itself keeps too often what it found too
+//! dark: Kirk and Arvo 1991). With s the deviation of the samples in the pixels around and m their mean,
+//!
+//! ```text
+//! samples = k s / D,     noise = mean over the pixels of s^2 / (D^2 samples),     D^2 = m^2 + 0.01 (bright / 0.8)^2
+//! ```
+//!
+//! has the least noise for its number of samples. D is the denominator of relMSE, `bright` the 90th percentile of the picture. Edges between two pixels count
+//! in s, too, for a light that a pixel's few samples missed may be seen by its neighbours'. Counts are the first one times a power of two, for which
+//! Sobol's points are stratified best; by that the true noise is a good deal smaller than the one above, which is of independent samples.
+
+use rayon::prelude::*;
+
+use crate::metrics;
+
+/// What decides the number of samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Budget {
+    /// The mean number of samples, by the rays that the first ones took.
+    Mean(u32),
+    /// The noise: the mean square of the relative error, as of independent samples; but no more than this mean number.
+    Noise(f32, u32),
+}
+
+/// No pixel takes more than so many times what the mean may be.
+const MOST: u32 = 64;
+/// The binary logarithm of k lies in this interval, which is halved so many times.
+const RANGE: (f32, f32) = (-32.0, 64.0);
+const HALVINGS: u32 = 16;
+/// Pixels that one thread sums up.
+const CHUNK: usize = 1 << 12;
+
+/// What the samples of a pixel tell of their noise.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SampleNoise {
+    /// Sums of the mean of R, G and B of the samples, W m^-2 sr^-1, and of its square.
+    sum: f64,
+    sum_sq: f64,
+    count: u32,
+}
+
+impl SampleNoise {
+    pub(crate) fn add(&mut self, value: f32) {
+        self.sum += f64::from(value);
+        self.sum_sq += f64::from(value) * f64::from(value);
+        self.count += 1;
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.sum += other.sum;
+        self.sum_sq += other.sum_sq;
+        self.count += other.count;
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / f64::from(self.count.max(1))
+    }
+
+    /// Variance of a sample.
+    fn variance(&self) -> f64 {
+        (self.sum_sq - self.mean() * self.sum).max(0.0) / f64::from(self.count.max(2) - 1)
+    }
+}
+
+/// The first samples of one pixel.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct FirstSamples {
+    pub(crate) noise: SampleNoise,
+    /// Rays that they took.
+    pub(crate) rays: u64,
+}
+
+/// Returns for each pixel of a band of `width` pixels, row by row, how many times the `first` samples it takes altogether.
+pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[FirstSamples]) -> Vec<u32> {
+    let exposure = metrics::exposure_of(pixels.par_iter().map(|pixel| pixel.noise.mean()).collect()).unwrap_or(1.0);
+    let floor_sq = metrics::EPSILON / (exposure * exposure);
+    // s^2 / D^2 of each pixel.
+    #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
+    let noise = |pixel: usize| {
+        let mut around = SampleNoise::default();
+        neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
+        (around.variance() / (around.mean().powi(2) + floor_sq)) as f32
+    };
+    let noise: Vec<f32> = (0..pixels.len()).into_par_iter().map(noise).collect();
+    // Binary logarithms of its root, the number of samples for k = 1; -inf where there is no noise.
+    let needs: Vec<f32> = noise.par_iter().map(|noise| 0.5 * noise.log2()).collect();
+    let (Budget::Mean(most) | Budget::Noise(_, most)) = budget;
+    let most_doublings = ((MOST * most / first) as f32).log2().floor();
+    let doublings = |need: f32, k: f32| (need + k).round().clamp(0.0, most_doublings);
+    let first_rays: u64 = pixels.iter().map(|pixel| pixel.rays).sum();
+    let is_too_much = |k: f32| {
+        let of_chunk = |(needs, (noise, pixels)): (&[f32], (&[f32], &[FirstSamples]))| {
+            let (mut rays, mut sum) = (0.0, 0.0);
+            for (need, (noise, pixel)) in needs.iter().zip(noise.iter().zip(pixels)) {
+                let factor = doublings(*need, k).exp2();
+                rays += f64::from(factor) * pixel.rays as f64;
+                sum += f64::from(noise / factor);
+            }
+            (rays, sum)
+        };
+        let chunks = needs.par_chunks(CHUNK).zip(noise.par_chunks(CHUNK).zip(pixels.par_chunks(CHUNK)));
+        let sums: Vec<(f64, f64)> = chunks.map(of_chunk).collect();
+        let (rays, sum) = sums.iter().fold((0.0, 0.0), |(rays, sum), chunk| (rays + chunk.0, sum + chunk.1));
+        let is_good = match budget {
+            Budget::Mean(_) => false,
+            Budget::Noise(wanted, _) => sum <= f64::from(wanted) * f64::from(first) * pixels.len() as f64,
+        };
+        is_good || rays * f64::from(first) > first_rays as f64 * f64::from(most)
+    };
+    let (mut low, mut high) = RANGE;
+    for _ in 0..HALVINGS {
+        let middle = f32::midpoint(low, high);
+        if is_too_much(middle) { high = middle } else { low = middle }
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the number of doublings")]
+    needs.into_iter().map(|need| 1 << doublings(need, low) as u32).collect()
+}
+
+/// The pixels around one, itself left out.
+fn neighbours(pixel: usize, width: usize, count: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (pixel % width, pixel / width);
+    let rows = y.saturating_sub(1)..(y + 2).min(count / width);
+    let columns = move || x.saturating_sub(1)..(x + 2).min(width);
+    rows.flat_map(move |row| columns().map(move |column| row * width + column)).filter(move |&other| other != pixel)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rng;
+
+    const SIDE: usize = 64;
+    const FIRST: u32 = 4;
+
+    /// The first samples of a grey picture whose columns from 40 on have this deviation.
+    fn picture(seed: u64, deviation: f32) -> Vec<FirstSamples> {
+        let mut rng = Rng::new(seed, 7);
+        let pixel = |index: usize| {
+            let mut noise = SampleNoise::default();
+            let is_noisy = index % SIDE >= 40;
+            (0..FIRST)
+                .for_each(|_| noise.add(1.0 + if is_noisy { deviation * (2.0 * rng.next_1d() - 1.0) } else { 0.0 }));
+            FirstSamples { noise, rays: u64::from(2 * FIRST) }
+        };
+        (0..SIDE * SIDE).map(pixel).collect()
+    }
+
+    fn mean(factors: &[u32]) -> f32 {
+        factors.iter().sum::<u32>() as f32 * FIRST as f32 / factors.len() as f32
+    }
+
+    #[test]
+    fn samples_go_where_the_noise_is_and_are_as_many_as_asked() {
+        let factors = allocate(SIDE, FIRST, Budget::Mean(16), &picture(1, 0.5));
+        assert!((12.0..=16.0).contains(&mean(&factors)), "mean {}", mean(&factors));
+        let of = |column: usize| factors[20 * SIDE + column];
+        assert_eq!([of(0), of(38)], [1, 1], "nothing to gain");
+        assert!(of(39) > 1 && of(50) >= 8, "noise, and next to it: {} {}", of(39), of(50));
+    }
+
+    #[test]
+    fn noise_decides_up_to_a_limit() {
+        let with = |noise, deviation| mean(&allocate(SIDE, FIRST, Budget::Noise(noise, 64), &picture(2, deviation)));
+        assert_eq!(with(1e-3, 0.0), FIRST as f32, "no noise: no more samples");
+        // A uniform deviation of 0.5 has the variance 1/12, in three eighths of the picture; D^2 is 1 + 0.01 / 0.64.
+        let known = 0.375 / 12.0 / 1.0156 / 0.004 * 0.375 + 0.625 * FIRST as f32;
+        let found = with(0.004, 0.5);
+        assert!((0.7 * known..1.5 * known).contains(&found), "{found} samples, not {known}");
+        assert!(with(1e-6, 0.5) <= 64.0, "the limit");
+    }
+
+    #[test]
+    fn a_pixel_does_not_judge_itself() {
+        let mut pixels = picture(3, 0.5);
+        let before = allocate(SIDE, FIRST, Budget::Noise(0.004, 64), &pixels);
+        let lonely = 20 * SIDE + 20;
+        pixels[lonely].noise.add(50.0);
+        let after = allocate(SIDE, FIRST, Budget::Noise(0.004, 64), &pixels);
+        assert_eq!(after[lonely], 1, "its own bright sample");
+        assert!(after[lonely + 1] > before[lonely + 1] && after[lonely - SIDE] > 1, "but its neighbours look closer");
+    }
+
+    #[test]
+    fn odd_pictures_have_counts() {
+        for (width, count) in [(1, 1), (1, 5), (5, 5), (3, 6)] {
+            let black = vec![FirstSamples { rays: 1, ..FirstSamples::default() }; count];
+            for budget in [Budget::Mean(9), Budget::Noise(1e-3, 9)] {
+                assert_eq!(allocate(width, FIRST, budget, &black), vec![1; count], "{width}, {count}");
+            }
+        }
+    }
+}
