@@ -12,6 +12,7 @@
 //! in s, too, for a light that a pixel's few samples missed may be seen by its neighbours'. Counts are the first one times a power of two, for which
 //! Sobol's points are stratified best; by that the true noise is a good deal smaller than the one above, which is of independent samples.
 
+use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::metrics;
@@ -36,32 +37,41 @@ const CHUNK: usize = 1 << 12;
 /// What the samples of a pixel tell of their noise.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct SampleNoise {
-    /// Sums of the mean of R, G and B of the samples, W m^-2 sr^-1, and of its square.
-    sum: f64,
-    sum_sq: f64,
     count: u32,
+    /// Sums over the samples of the light that they found, mean of R, G and B, and of the light that they would reflect of an even radiance of 1.
+    sum: DVec2,
+    /// Sums of the squares, and of the products of both.
+    sum_sq: DVec2,
+    product: f64,
 }
 
 impl SampleNoise {
-    pub(crate) fn add(&mut self, value: f32) {
-        self.sum += f64::from(value);
-        self.sum_sq += f64::from(value) * f64::from(value);
+    /// Adds a sample: the light that it found, and the diffuse albedo by which it will reflect what it does not know yet.
+    pub(crate) fn add(&mut self, light: Vec3, diffuse: Vec3) {
+        let value = DVec2::new(f64::from(light.element_sum()), f64::from(diffuse.element_sum())) / 3.0;
         self.count += 1;
+        self.sum += value;
+        self.sum_sq += value * value;
+        self.product += value.x * value.y;
     }
 
     fn merge(&mut self, other: &Self) {
+        self.count += other.count;
         self.sum += other.sum;
         self.sum_sq += other.sum_sq;
-        self.count += other.count;
+        self.product += other.product;
     }
 
-    fn mean(&self) -> f64 {
-        self.sum / f64::from(self.count.max(1))
+    /// Mean of a sample in an even radiance of `ambient`.
+    fn mean(&self, ambient: f64) -> f64 {
+        (self.sum.x + ambient * self.sum.y) / f64::from(self.count.max(1))
     }
 
     /// Variance of a sample.
-    fn variance(&self) -> f64 {
-        (self.sum_sq - self.mean() * self.sum).max(0.0) / f64::from(self.count.max(2) - 1)
+    fn variance(&self, ambient: f64) -> f64 {
+        let sum_sq = self.sum_sq.x + ambient * (2.0 * self.product + ambient * self.sum_sq.y);
+        let mean = self.mean(ambient);
+        (sum_sq - mean * mean * f64::from(self.count)).max(0.0) / f64::from(self.count.max(2) - 1)
     }
 }
 
@@ -73,16 +83,19 @@ pub(crate) struct FirstSamples {
     pub(crate) rays: u64,
 }
 
-/// Returns for each pixel of a band of `width` pixels, row by row, how many times the `first` samples it takes altogether.
-pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[FirstSamples]) -> Vec<u32> {
-    let exposure = metrics::exposure_of(pixels.par_iter().map(|pixel| pixel.noise.mean()).collect()).unwrap_or(1.0);
+/// Returns for each pixel of a band of `width` pixels, row by row, how many times the `first` samples it takes altogether. `ambient` is about the radiance of
+/// the indirect light, which samples do not know: by it edges count that are seen in no other.
+pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[FirstSamples], ambient: f32) -> Vec<u32> {
+    let ambient = f64::from(ambient);
+    let exposure =
+        metrics::exposure_of(pixels.par_iter().map(|pixel| pixel.noise.mean(ambient)).collect()).unwrap_or(1.0);
     let floor_sq = metrics::EPSILON / (exposure * exposure);
     // s^2 / D^2 of each pixel.
     #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
     let noise = |pixel: usize| {
         let mut around = SampleNoise::default();
         neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
-        (around.variance() / (around.mean().powi(2) + floor_sq)) as f32
+        (around.variance(ambient) / (around.mean(ambient).powi(2) + floor_sq)) as f32
     };
     let noise: Vec<f32> = (0..pixels.len()).into_par_iter().map(noise).collect();
     // Binary logarithms of its root, the number of samples for k = 1; -inf where there is no noise.
@@ -141,8 +154,10 @@ mod tests {
         let pixel = |index: usize| {
             let mut noise = SampleNoise::default();
             let is_noisy = index % SIDE >= 40;
-            (0..FIRST)
-                .for_each(|_| noise.add(1.0 + if is_noisy { deviation * (2.0 * rng.next_1d() - 1.0) } else { 0.0 }));
+            for _ in 0..FIRST {
+                let light = if is_noisy { deviation * (2.0 * rng.next_1d() - 1.0) } else { 0.0 };
+                noise.add(Vec3::splat(light), Vec3::ONE);
+            }
             FirstSamples { noise, rays: u64::from(2 * FIRST) }
         };
         (0..SIDE * SIDE).map(pixel).collect()
@@ -154,7 +169,7 @@ mod tests {
 
     #[test]
     fn samples_go_where_the_noise_is_and_are_as_many_as_asked() {
-        let factors = allocate(SIDE, FIRST, Budget::Mean(16), &picture(1, 0.5));
+        let factors = allocate(SIDE, FIRST, Budget::Mean(16), &picture(1, 0.5), 1.0);
         assert!((12.0..=16.0).contains(&mean(&factors)), "mean {}", mean(&factors));
         let of = |column: usize| factors[20 * SIDE + column];
         assert_eq!([of(0), of(38)], [1, 1], "nothing to gain");
@@ -163,7 +178,8 @@ mod tests {
 
     #[test]
     fn noise_decides_up_to_a_limit() {
-        let with = |noise, deviation| mean(&allocate(SIDE, FIRST, Budget::Noise(noise, 64), &picture(2, deviation)));
+        let with =
+            |noise, deviation| mean(&allocate(SIDE, FIRST, Budget::Noise(noise, 64), &picture(2, deviation), 1.0));
         assert_eq!(with(1e-3, 0.0), FIRST as f32, "no noise: no more samples");
         // A uniform deviation of 0.5 has the variance 1/12, in three eighths of the picture; D^2 is 1 + 0.01 / 0.64.
         let known = 0.375 / 12.0 / 1.0156 / 0.004 * 0.375 + 0.625 * FIRST as f32;
@@ -175,12 +191,24 @@ mod tests {
     #[test]
     fn a_pixel_does_not_judge_itself() {
         let mut pixels = picture(3, 0.5);
-        let before = allocate(SIDE, FIRST, Budget::Noise(0.004, 64), &pixels);
+        let before = allocate(SIDE, FIRST, Budget::Noise(0.004, 64), &pixels, 1.0);
         let lonely = 20 * SIDE + 20;
-        pixels[lonely].noise.add(50.0);
-        let after = allocate(SIDE, FIRST, Budget::Noise(0.004, 64), &pixels);
+        pixels[lonely].noise.add(Vec3::splat(50.0), Vec3::ONE);
+        let after = allocate(SIDE, FIRST, Budget::Noise(0.004, 64), &pixels, 1.0);
         assert_eq!(after[lonely], 1, "its own bright sample");
         assert!(after[lonely + 1] > before[lonely + 1] && after[lonely - SIDE] > 1, "but its neighbours look closer");
+    }
+
+    #[test]
+    fn edges_in_the_dark_count_by_what_they_will_reflect() {
+        let mut pixels = vec![FirstSamples { rays: 8, ..FirstSamples::default() }; SIDE * SIDE];
+        for (index, pixel) in pixels.iter_mut().enumerate() {
+            let albedo = if index % SIDE < 30 { 0.2 } else { 0.8 };
+            (0..FIRST).for_each(|_| pixel.noise.add(Vec3::ZERO, Vec3::splat(albedo)));
+        }
+        let factors = allocate(SIDE, FIRST, Budget::Noise(1e-3, 64), &pixels, 2.0);
+        assert!(factors[10 * SIDE + 30] > 1 && factors[10 * SIDE + 29] > 1, "on both sides of the edge");
+        assert_eq!([factors[10 * SIDE + 20], factors[10 * SIDE + 40]], [1, 1], "and nowhere else");
     }
 
     #[test]
@@ -188,7 +216,7 @@ mod tests {
         for (width, count) in [(1, 1), (1, 5), (5, 5), (3, 6)] {
             let black = vec![FirstSamples { rays: 1, ..FirstSamples::default() }; count];
             for budget in [Budget::Mean(9), Budget::Noise(1e-3, 9)] {
-                assert_eq!(allocate(width, FIRST, budget, &black), vec![1; count], "{width}, {count}");
+                assert_eq!(allocate(width, FIRST, budget, &black, 0.0), vec![1; count], "{width}, {count}");
             }
         }
     }

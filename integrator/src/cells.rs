@@ -90,23 +90,15 @@ impl CellBuilder<'_> {
     /// Finds the cells and solves for their light.
     pub(crate) fn build(&self, size: UVec2, rays: &mut RayCounts) -> Cells {
         let hits = self.probe(size, rays);
-        let mut distances: Vec<f32> = hits.iter().filter(|hit| hit.1).map(|hit| hit.0.surface.t).collect();
+        let mut distances: Vec<f32> =
+            hits.par_iter().flatten_iter().filter(|hit| hit.1).map(|hit| hit.0.surface.t).collect();
         if distances.is_empty() {
             return Cells::default();
         }
-        distances.sort_unstable_by(f32::total_cmp);
-        let width = WIDTH_SHARE * distances[distances.len() / 2];
+        let middle = distances.len() / 2;
+        let width = WIDTH_SHARE * *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
         let mut cells = Cells { width, ..Cells::default() };
-        let mut members: Vec<Vec<Shading>> = Vec::new();
-        for (hit, _) in &hits {
-            let cell = cells.table.insert(key(&hit.surface, width));
-            if cell == members.len() {
-                members.push(Vec::with_capacity(MAX_WITNESSES));
-            }
-            if members[cell].len() < MAX_WITNESSES {
-                members[cell].push(*hit);
-            }
-        }
+        let members = Self::members(&hits, &mut cells);
         let ray_count = (self.ray_budget as usize / members.len()).clamp(8, 256);
         cells.divided = members.par_iter().map(|points| self.is_divided(points, width)).collect();
         let rows: Vec<Row> = members
@@ -121,8 +113,29 @@ impl CellBuilder<'_> {
         cells
     }
 
-    /// Diffuse surfaces that paths from the picture meet, in fixed order; with each, whether it is the first of its path.
-    fn probe(&self, size: UVec2, rays: &mut RayCounts) -> Vec<(Shading, bool)> {
+    /// Sorts hits into cells; keeps the first ones of each.
+    fn members(hits: &[Vec<(Shading, bool)>], cells: &mut Cells) -> Vec<Vec<Shading>> {
+        let width = cells.width;
+        // Keys with the numbers of their hits, so that sorting is the same for any number of threads.
+        let mut keys: Vec<(u64, u32, u32)> = hits
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(probe, found)| {
+                let number = |i: usize| u32::try_from(i).expect("there are fewer hits than 2^32");
+                found.iter().enumerate().map(move |(i, (hit, _))| (key(&hit.surface, width), number(probe), number(i)))
+            })
+            .collect();
+        keys.par_sort_unstable();
+        let members: Vec<&[(u64, u32, u32)]> = keys.chunk_by(|a, b| a.0 == b.0).collect();
+        for of_cell in &members {
+            cells.table.insert(of_cell[0].0);
+        }
+        let hit = |&(_, probe, i): &(u64, u32, u32)| hits[probe as usize][i as usize].0;
+        members.into_par_iter().map(|of_cell| of_cell.iter().take(MAX_WITNESSES).map(hit).collect()).collect()
+    }
+
+    /// Diffuse surfaces that paths from the picture meet, those of each probe by themselves; with each, whether it is the first of its path.
+    fn probe(&self, size: UVec2, rays: &mut RayCounts) -> Vec<Vec<(Shading, bool)>> {
         let found: Vec<(Vec<(Shading, bool)>, RayCounts)> = (0..PROBE_SIDE * PROBE_SIDE)
             .into_par_iter()
             .map(|number| {
@@ -144,7 +157,7 @@ impl CellBuilder<'_> {
             .collect();
         found
             .into_iter()
-            .flat_map(|(found, counted)| {
+            .map(|(found, counted)| {
                 *rays += counted;
                 found
             })

@@ -104,13 +104,24 @@ fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec
     pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| trace(index, plan.first_spp, pixel));
     let first: Vec<FirstSamples> =
         pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect();
-    let factors = allocate(primary.size.x as usize, plan.first_spp, plan.budget, &first);
+    let factors =
+        allocate(primary.size.x as usize, plan.first_spp, plan.budget, &first, ambient(&pixels, primary.secondary));
     pixels
         .par_iter_mut()
         .zip(factors)
         .enumerate()
         .for_each(|(index, (pixel, factor))| trace(index, plan.first_spp * factor, pixel));
     pixels
+}
+
+/// About the radiance of the indirect light on what is seen: the mean over some pixels, as far as the secondary solution knows it.
+fn ambient<S: Secondary>(pixels: &[PixelPoints], secondary: &S) -> f32 {
+    const STEP: usize = 61;
+    let points = pixels.iter().step_by(STEP).flat_map(|pixel| &pixel.points);
+    let known = points.filter_map(|point| secondary.irradiance(&point.shading.surface));
+    let (sum, count) =
+        known.fold((0.0, 0.0f32), |(sum, count), known| (sum + known.indirect.element_sum() / 3.0, count + 1.0));
+    sum / count.max(1.0) * std::f32::consts::FRAC_1_PI
 }
 
 fn all_points(pixels: &[PixelPoints]) -> Vec<crate::surface_points::SurfacePoint> {

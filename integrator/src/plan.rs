@@ -50,8 +50,10 @@ impl Plan {
         let quality = settings.quality;
         let study = &settings.study;
         let secondary = study.secondary.unwrap_or_default();
+        let texture_alpha = study.texture_alpha.unwrap_or(0.5);
+        let has_textures = features.widest_metal >= texture_alpha.max(f32::MIN_POSITIVE);
         // The rim of a window in the sky and a lobe need more texels than irradiance does.
-        let (record_n, look_n) = match (features.environment, features.glossy) {
+        let (record_n, look_n) = match (features.environment, has_textures) {
             (true, _) => (48.0, 24.0),
             (false, true) => (40.0, 20.0),
             (false, false) => (32.0, 20.0),
@@ -71,13 +73,13 @@ impl Plan {
             Some(spp) => (power_of_two(spp as f32 / 4.0).clamp(2, spp.max(2)).min(spp), Budget::Mean(spp)),
             None => (
                 power_of_two(8.0 * quality).max(2),
-                Budget::Noise(1e-3 / quality, round(128.0 * quality, 8.0, 65_536.0)),
+                Budget::Noise(6e-4 * quality.powf(-0.75), round(128.0 * quality, 8.0, 65_536.0)),
             ),
         };
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
-        let max_contrast = if features.glossy { 0.1 } else { 2.0 };
+        let max_contrast = if has_textures { 0.1 } else { 2.0 };
         let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
         Self {
             secondary,
@@ -97,7 +99,7 @@ impl Plan {
                 coverage: study.coverage(),
                 trails: study.trails(),
                 weights: study.weights(),
-                // One lobe sees so few holes that the noise of each ray counts.
+                // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
                 step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
             },
             verify_side: study.verify.unwrap_or(2),
@@ -108,7 +110,7 @@ impl Plan {
             } else {
                 0
             },
-            texture_alpha: study.texture_alpha.unwrap_or(0.5).max(3.0 / n as f32),
+            texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
             lobe_samples: 128,
         }

@@ -26,8 +26,6 @@ pub(crate) struct SurfacePoint {
     pub(crate) diffuse_weight: Vec3,
     /// Sum of throughput, for the glossy part.
     pub(crate) specular_weight: Vec3,
-    /// About the radiance that a white surface reflects there of indirect light, as far as the secondary solution knows it.
-    ambient: Vec3,
     /// Width of the pixel at the surface, metres.
     pub(crate) footprint: f32,
     /// Names the point to the generators of random numbers.
@@ -90,7 +88,7 @@ impl<S: Secondary> Primary<'_, S> {
             let mut sampler = Sampler::new(self.seed, key, number);
             let film = position.as_vec2() + sampler.next_2d();
             let mut terms = Terms::default();
-            let mut ambient = Vec3::ZERO;
+            let mut diffuse = Vec3::ZERO;
             let mut stack = vec![Branch {
                 ray: self.scene.camera_ray(film, self.size),
                 beta: Vec3::ONE,
@@ -103,11 +101,11 @@ impl<S: Secondary> Primary<'_, S> {
             while let Some(branch) = stack.pop() {
                 branch_number += 1;
                 sampler.start_bounce(branch_number);
-                self.step(branch, pixel, key, &mut sampler, &mut stack, &mut terms, &mut ambient, found);
+                self.step(branch, pixel, key, &mut sampler, &mut stack, &mut terms, &mut diffuse, found);
             }
             if terms.is_finite() {
                 found.sum.add_terms(&terms, 1.0);
-                found.noise.add((terms.sum() + ambient).element_sum() / 3.0);
+                found.noise.add(terms.sum(), diffuse);
             } else {
                 found.dropped += 1;
             }
@@ -123,7 +121,7 @@ impl<S: Secondary> Primary<'_, S> {
         sampler: &mut Sampler,
         stack: &mut Vec<Branch>,
         terms: &mut Terms,
-        ambient: &mut Vec3,
+        diffuse: &mut Vec3,
         found: &mut PixelPoints,
     ) {
         let Branch { ray, chain, bounces, .. } = branch;
@@ -157,30 +155,14 @@ impl<S: Secondary> Primary<'_, S> {
                 shading: off_seams(self.scene, shading, &ray, &hit, footprint),
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
-                ambient: Vec3::ZERO,
                 footprint,
                 key: hash_pair(key, found.points.len() as u64),
             };
-            *ambient += point.diffuse_weight * self.add_point(&mut found.points, point, length).ambient;
+            *diffuse += point.diffuse_weight;
+            add_point(&mut found.points, point, length);
         }
         if bounces < MAX_CHAIN {
             self.branch(&shading, beta, Branch { length, ..branch }, sampler, stack, &mut found.rays);
-        }
-    }
-
-    /// Adds a sample to the point of its surface, or starts one; returns the point.
-    fn add_point<'b>(&self, points: &'b mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) -> &'b SurfacePoint {
-        let same = points.iter().position(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
-        if let Some(same) = same {
-            let same = &mut points[same];
-            same.diffuse_weight += point.diffuse_weight;
-            same.specular_weight += point.specular_weight;
-            same
-        } else {
-            let known = self.secondary.irradiance(&point.shading.surface);
-            let ambient = known.map_or(Vec3::ZERO, |known| known.indirect * std::f32::consts::FRAC_1_PI);
-            points.push(SurfacePoint { ambient, ..point });
-            &points[points.len() - 1]
         }
     }
 
@@ -263,6 +245,18 @@ fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
         0 => terms.emitted += radiance,
         1 => terms.direct += radiance,
         _ => terms.specular += radiance,
+    }
+}
+
+/// Adds a sample to the point of its surface, or starts one.
+fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) {
+    let same = points.iter_mut().find(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
+    match same {
+        Some(other) => {
+            other.diffuse_weight += point.diffuse_weight;
+            other.specular_weight += point.specular_weight;
+        }
+        None => points.push(point),
     }
 }
 

@@ -38,12 +38,14 @@ pub struct Scene {
 }
 
 /// What a scene has, so that what it lacks costs nothing.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Features {
     /// Mirrors or glass.
     pub delta: bool,
     /// Rough specular surfaces.
     pub glossy: bool,
+    /// Largest roughness (alpha of GGX) among rough specular surfaces without a diffuse part; 0 where there is none.
+    pub widest_metal: f32,
     /// Diffuse surfaces.
     pub diffuse: bool,
     /// Glass, through which light passes.
@@ -489,9 +491,13 @@ fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], light
         ..Features::default()
     };
     let mut add = |material: &Material, is_sampled: bool| {
-        features.diffuse |=
+        let is_diffuse =
             material.diffuse != Vec3::ZERO && !matches!(material.specular, SpecularKind::Dielectric { .. });
-        features.glossy |= matches!(material.specular, SpecularKind::Ggx { .. });
+        features.diffuse |= is_diffuse;
+        if let SpecularKind::Ggx { alpha, .. } = material.specular {
+            features.glossy = true;
+            features.widest_metal = if is_diffuse { features.widest_metal } else { features.widest_metal.max(alpha) };
+        }
         features.delta |= matches!(material.specular, SpecularKind::Mirror { .. } | SpecularKind::Dielectric { .. });
         if let SpecularKind::Dielectric { absorption, .. } = material.specular {
             features.transmissive = true;

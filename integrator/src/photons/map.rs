@@ -87,10 +87,15 @@ impl PhotonMap {
 
     /// Returns the irradiance at `p` on the side of the unit normal `n`; 0, with the limit as its radius, where no photon is near.
     pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A, kernel: Kernel) -> Irradiance {
-        let near = nearest(&self.tree, p, self.neighbours, self.max_radius);
+        self.irradiance_by(self.neighbours, p, n, kernel)
+    }
+
+    /// The same by another number of photons.
+    pub(super) fn irradiance_by(&self, neighbours: usize, p: Vec3A, n: Vec3A, kernel: Kernel) -> Irradiance {
+        let near = nearest(&self.tree, p, neighbours, self.max_radius);
         // The search ends at the k-th photon, which then does not count itself, or at the limit.
         let (counted, radius_sq) = match near.split_last() {
-            Some((last, others)) if near.len() == self.neighbours => (others, last.distance),
+            Some((last, others)) if near.len() == neighbours => (others, last.distance),
             _ => (near.as_slice(), self.max_radius * self.max_radius),
         };
         let radius = radius_sq.sqrt();
