@@ -5,7 +5,7 @@ use scene::Scene;
 
 use crate::allocation::{FirstSamples, allocate};
 use crate::explain::Witness;
-use crate::film::{Band, Film, Terms};
+use crate::film::{Band, Film, Pixel, Terms};
 use crate::gather::Gatherer;
 use crate::irradiance_cache::{self, Recorder};
 use crate::lattice::Lattice;
@@ -56,7 +56,11 @@ pub(crate) fn render<S: Secondary>(
         }
         progress(Progress { phase: "direct", done });
         let pixels = statistics.time("direct", |_| trace_primary(&primary, &band));
-        samples += pixels.iter().map(|pixel| u64::from(pixel.samples)).sum::<u64>();
+        for pixel in &pixels {
+            samples += u64::from(pixel.samples);
+            statistics.rays += pixel.rays;
+            statistics.surface_points += pixel.points.len() as u64;
+        }
         progress(Progress { phase: "indirect", done });
         let lattice =
             Lattice::new(settings.size.x as usize, band.pixel_count() / settings.size.x as usize, all_points(&pixels));
@@ -99,9 +103,13 @@ fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec
     let trace = |index: usize, samples: u32, pixel: &mut PixelPoints| {
         primary.trace(band.position(index), u32::try_from(index).expect("a band is small"), samples, pixel);
     };
-    let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).map(|_| PixelPoints::default()).collect();
     let plan = primary.plan;
-    pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| trace(index, plan.first_spp, pixel));
+    let first_samples = |index: usize| {
+        let mut pixel = PixelPoints::default();
+        trace(index, plan.first_spp, &mut pixel);
+        pixel
+    };
+    let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).into_par_iter().map(first_samples).collect();
     let first: Vec<FirstSamples> =
         pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect();
     let factors =
@@ -159,21 +167,25 @@ fn develop<S: Secondary>(
             }
         })
         .collect();
-    let mut next = 0;
-    for (index, mut pixel) in pixels.into_iter().enumerate() {
-        statistics.rays += pixel.rays;
-        statistics.dropped_samples += pixel.dropped;
-        statistics.surface_points += pixel.points.len() as u64;
-        for _ in 0..pixel.points.len() {
+    let developed: Vec<(Pixel, u64)> = pixels
+        .into_par_iter()
+        .enumerate()
+        .map(|(index, mut pixel)| {
+            let mut dropped = pixel.dropped;
             // The weights of points are sums over their samples, as the light of samples is.
-            if terms[next].is_finite() {
-                pixel.sum.add_terms(&terms[next], 1.0);
-            } else {
-                statistics.dropped_samples += 1;
+            for terms in &terms[lattice.of_pixel(index)] {
+                if terms.is_finite() {
+                    pixel.sum.add_terms(terms, 1.0);
+                } else {
+                    dropped += 1;
+                }
             }
-            next += 1;
-        }
-        band.set(index, &pixel.sum.mean(f64::from(pixel.samples)));
+            (pixel.sum.mean(f64::from(pixel.samples)), dropped)
+        })
+        .collect();
+    for (index, (pixel, dropped)) in developed.iter().enumerate() {
+        statistics.dropped_samples += dropped;
+        band.set(index, pixel);
     }
 }
 

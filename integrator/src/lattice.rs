@@ -45,14 +45,14 @@ impl Lattice {
         let mut level = Vec::new();
         for y in (0..self.height).filter(|&y| on_lattice(y, stride, self.height)) {
             for x in (0..self.width).filter(|&x| on_lattice(x, stride, self.width)) {
-                level.extend(self.of_pixel(x, y).filter(|&number| values[number].is_none()));
+                level.extend(self.of_pixel(y * self.width + x).filter(|&number| values[number].is_none()));
             }
         }
         level
     }
 
-    fn of_pixel(&self, x: usize, y: usize) -> std::ops::Range<usize> {
-        let pixel = y * self.width + x;
+    /// The numbers of the points of a pixel of the band.
+    pub(crate) fn of_pixel(&self, pixel: usize) -> std::ops::Range<usize> {
         self.starts[pixel] as usize..self.starts[pixel + 1] as usize
     }
 }

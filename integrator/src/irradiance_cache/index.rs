@@ -3,13 +3,24 @@
 use glam::{Vec3, Vec3A};
 use radcache::BallGrid;
 
-use super::record::{Place, Record};
+use super::record::{MIN_NORMAL_COS, Place, Record};
 
 /// Records of irradiance and where they reach. They are entered one after another, and all answers depend on that order alone.
 #[derive(Debug, Default)]
 pub(crate) struct Index {
     records: Vec<Record>,
+    /// What tells quickly that a record is too far off, for each.
+    balls: Vec<Ball>,
     grid: BallGrid,
+}
+
+/// Where a record reaches at most.
+#[derive(Debug, Clone, Copy)]
+struct Ball {
+    centre: Vec3A,
+    /// The square of its reach.
+    reach_sq: f32,
+    normal: Vec3,
 }
 
 impl Index {
@@ -18,13 +29,15 @@ impl Index {
         for record in records {
             let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
             self.grid.insert(number, record.centre(), record.reach());
+            let reach_sq = record.reach() * record.reach();
+            self.balls.push(Ball { centre: record.centre(), reach_sq, normal: record.normal().into() });
             self.records.push(record);
         }
     }
 
     /// Whether some record is within `distance` of a place, see [`Record::distance`].
     pub(crate) fn covers(&self, place: &Place, distance: f32) -> bool {
-        self.near(place.p).any(|record| record.distance(place) <= distance)
+        self.near(place).any(|record| record.distance(place) <= distance)
     }
 
     /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
@@ -33,7 +46,7 @@ impl Index {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
         let mut count = 0;
-        for record in self.near(place.p) {
+        for record in self.near(place) {
             let distance = record.distance(place);
             if distance < 1.0 {
                 let weight = 1.0 - distance;
@@ -55,12 +68,19 @@ impl Index {
 
     /// Bytes that records and cells take, about.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.grid.memory_bytes() + self.records.iter().map(Record::memory_bytes).sum::<usize>()
+        self.grid.memory_bytes()
+            + self.balls.len() * size_of::<Ball>()
+            + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 
-    /// The records in the cells of a point: all that reach it, and some that do not.
-    fn near(&self, p: Vec3A) -> impl Iterator<Item = &Record> {
-        self.grid.near(p).map(|number| &self.records[number as usize])
+    /// The records in whose balls a place lies: all that reach it, and some that do not.
+    fn near(&self, place: &Place) -> impl Iterator<Item = &Record> {
+        let (p, n) = (place.p, Vec3::from(place.n));
+        self.grid.near(p).map(|number| number as usize).filter_map(move |number| {
+            let ball = &self.balls[number];
+            let is_near = p.distance_squared(ball.centre) <= ball.reach_sq && n.dot(ball.normal) >= MIN_NORMAL_COS;
+            is_near.then(|| &self.records[number])
+        })
     }
 }
 

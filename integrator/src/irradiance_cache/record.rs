@@ -69,7 +69,7 @@ struct Guard {
 }
 
 /// Smallest cosine between the normals of a record and of a point that it serves: 26 degrees.
-const MIN_NORMAL_COS: f32 = 0.9;
+pub(super) const MIN_NORMAL_COS: f32 = 0.9;
 /// Height over the tangent plane counts so many times as much as the offset along it, and at most this share of the offset is height:
 /// surfaces whose normals differ by 26 degrees bend away from it by half the angle.
 const HEIGHT_FACTOR: f32 = 5.0;
@@ -135,6 +135,11 @@ impl Record {
     /// Where it was made, world space, metres.
     pub(crate) fn centre(&self) -> Vec3A {
         self.centre
+    }
+
+    /// The unit normal there, world space.
+    pub(crate) fn normal(&self) -> Vec3A {
+        self.frame.n
     }
 
     /// No point farther off than this takes anything from it, metres.
