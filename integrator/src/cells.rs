@@ -26,9 +26,8 @@ use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
 use crate::walk::{Taken, Visitor, walk};
 
-/// Probe rays along a side of the picture, and gather rays and bounces of each.
+/// Probe rays along a side of the picture, and bounces of each of their gather rays.
 const PROBE_SIDE: u32 = 48;
-const PROBE_RAYS: u32 = 24;
 const PROBE_BOUNCES: u32 = 3;
 
 /// Width of a cell as a share of the median distance of what gather rays meet.
@@ -71,6 +70,8 @@ pub(crate) struct CellBuilder<'a> {
     /// For the irradiance by caustics.
     pub(crate) photons: PhotonSource<'a>,
     pub(crate) seed: u64,
+    /// Gather rays of each probe: what they meet becomes cells.
+    pub(crate) probe_rays: u32,
     /// Number of rays to spend on links, and on shadow rays.
     pub(crate) ray_budget: u32,
 }
@@ -147,7 +148,7 @@ impl CellBuilder<'_> {
                 let ray = self.scene.camera_ray(film, size);
                 rays.camera += 1;
                 if let Some((seen, _)) = self.to_diffuse(ray, Vec3::ONE, &mut sampler, &mut rays) {
-                    for way in 0..PROBE_RAYS {
+                    for way in 0..self.probe_rays {
                         let mut sampler = Sampler::new(self.seed, hash(u64::from(number)), way);
                         self.probe_path(seen, &mut sampler, &mut found, &mut rays);
                     }

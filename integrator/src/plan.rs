@@ -36,6 +36,8 @@ pub(crate) struct Plan {
     pub(crate) caustic_photons: u32,
     /// Rays to spend on the links of cells, 0 where there are none.
     pub(crate) cell_rays: u32,
+    /// Gather rays of each probe that finds cells.
+    pub(crate) probe_rays: u32,
     /// Narrowest glossy lobe that reads its light from a texture; narrower ones are traced.
     pub(crate) texture_alpha: f32,
     /// Rays that are traced through a glossy lobe for each primary sample.
@@ -110,6 +112,7 @@ impl Plan {
             } else {
                 0
             },
+            probe_rays: round(24.0 * quality.sqrt(), 8.0, 96.0),
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
             lobe_samples: 128,

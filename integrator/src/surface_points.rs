@@ -86,7 +86,7 @@ impl<S: Secondary> Primary<'_, S> {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
         for number in found.samples..samples {
             let mut sampler = Sampler::new(self.seed, key, number);
-            let film = position.as_vec2() + sampler.next_2d();
+            let film = position.as_vec2() + sampler.next_pair();
             let mut terms = Terms::default();
             let mut diffuse = Vec3::ZERO;
             let mut stack = vec![Branch {
