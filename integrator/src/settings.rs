@@ -68,7 +68,8 @@ pub struct Settings {
     pub method: Method,
     /// One number for speed against accuracy, in [0.001, 1000]: twice the quality takes about twice the time.
     pub quality: f32,
-    /// Primary samples a pixel, in [1, 2^20]; where it is `None`, `quality` decides.
+    /// Primary samples a pixel, in [1, 2^20]: exactly so many by [`Method::Path`], in the mean by the others, which take more where there is noise. Where it
+    /// is `None`, `quality` decides.
     pub spp: Option<u32>,
     /// Width and height, pixels: each in [1, 16384], together at most 2^28.
     pub size: UVec2,

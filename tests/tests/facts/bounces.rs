@@ -25,7 +25,9 @@ fn wedge_has_constant_irradiance() {
         let scene = wedge(degrees, rho, end, distance);
         let (cos, rho) = (f64::from(degrees).to_radians().cos(), f64::from(rho));
         let irradiance = PI * (1.0 - cos) / 2.0 / (1.0 - rho * (1.0 + cos) / 2.0);
-        let effort = Effort { path_spp: 128, spp: 4, seeds: 2, quality: 1.0, ..Effort::default() };
+        // The light of a narrow wedge has been reflected some five times, so that each solution for it is one percent off.
+        let seeds = if degrees == 30.0 { 8 } else { 2 };
+        let effort = Effort { path_spp: 128, spp: 4, seeds, quality: 1.0, ..Effort::default() };
         for method in METHODS {
             let measured = measure(&scene, method, &effort, |_| rho * irradiance / PI);
             measured.assert_holds(&format!("{degrees} degrees, {distance} from the seam of planes of {end}"));

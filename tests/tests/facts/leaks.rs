@@ -75,7 +75,7 @@ fn thin_gap_lets_in_what_it_must() {
             .view(Vec3::new(1.2, 0.1, 0.8 * height), Vec3::X, 4.0)
             .build();
         let known = |p: DVec3| 0.25 * (1.0 - p.x / p.x.hypot(f64::from(height)));
-        let effort = Effort { path_spp: 256, spp: 4, seeds: 16, quality: 1.0, ..Effort::default() };
+        let effort = Effort { path_spp: 256, spp: 4, seeds: 48, quality: 1.0, ..Effort::default() };
         for method in METHODS {
             let (measured, what) = (measure(&scene, method, &effort, known), format!("slit of {height}"));
             if height == 1.0 || method == Method::Path {
