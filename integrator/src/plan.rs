@@ -70,14 +70,7 @@ impl Plan {
         };
         let n = study.resolution.unwrap_or(n);
         let (n, look_n) = (n as usize, look_n.min(n) as usize);
-        let (first_spp, budget) = match settings.spp {
-            // A pixel without noise takes a quarter of the mean.
-            Some(spp) => (power_of_two(spp as f32 / 4.0).clamp(2, spp.max(2)).min(spp), Budget::Mean(spp)),
-            None => (
-                power_of_two(8.0 * quality).max(2),
-                Budget::Noise(6e-4 * quality.powf(-0.75), round(128.0 * quality, 8.0, 65_536.0)),
-            ),
-        };
+        let (first_spp, budget) = primary_samples(settings);
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
@@ -140,6 +133,25 @@ const MIN_PIXELS: f32 = 1.0;
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
+
+/// The samples that every pixel takes, and what decides how many more there are.
+fn primary_samples(settings: &Settings) -> (u32, Budget) {
+    let Settings { spp, quality, .. } = *settings;
+    match spp {
+        // A pixel without noise takes a quarter of the mean.
+        Some(spp) => (power_of_two(spp as f32 / 4.0).max(2).min(spp), Budget::Mean(spp)),
+        None => {
+            // The noise of samples falls faster than their number rises, that of records more slowly: so this balances both.
+            let noise = NOISE * quality.powf(-0.75);
+            (power_of_two(8.0 * quality).max(2), Budget::Noise(noise, round(MOST_SPP * quality, 8.0, 65_536.0)))
+        }
+    }
+}
+
+/// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
+const NOISE: f32 = 6e-4;
+/// Most samples a pixel at quality 1, in the mean, where that cannot be had.
+const MOST_SPP: f32 = 128.0;
 
 /// The power of two that is nearest, by ratio.
 fn power_of_two(x: f32) -> u32 {
