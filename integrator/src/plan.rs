@@ -151,7 +151,7 @@ fn primary_samples(settings: &Settings) -> (u32, Budget) {
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
 const NOISE: f32 = 6e-4;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had.
-const MOST_SPP: f32 = 128.0;
+const MOST_SPP: f32 = 48.0;
 
 /// The power of two that is nearest, by ratio.
 fn power_of_two(x: f32) -> u32 {
