@@ -22,7 +22,6 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 SCENES = ROOT / "cli" / "scenes"
 # Cells so small that no facet shows at this size, metres, and what the render command has beside the size.
 CASES = {
-    "form-textured": (0.004, []),
     "form-figure": (0.02, []),
     "form-glass": (0.0015, []),
     "form-part": (0.015, ["--method", "path", "--spp", "4"]),
