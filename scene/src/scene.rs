@@ -13,8 +13,8 @@ use crate::media::MediumTable;
 use crate::mix;
 use crate::triangles::Triangles;
 use crate::{
-    Aabb, Bsdf, BuildError, Camera, Description, Hit, Lights, Material, Media, Ray, Specular, SpecularKind, Surface,
-    Texture,
+    Aabb, Bsdf, BuildError, Camera, Description, Features, Hit, Lights, Material, Media, Ray, Specular, SpecularKind,
+    Surface, Texture,
 };
 
 /// A scene, checked and ready: geometry in a tree, materials, lights and camera. It never changes, so threads share it freely.
@@ -35,37 +35,6 @@ pub struct Scene {
     bounds: Aabb,
     features: Features,
     light_seconds: f64,
-}
-
-/// What a scene has, so that what it lacks costs nothing.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Features {
-    /// Mirrors or glass.
-    pub delta: bool,
-    /// Rough specular surfaces.
-    pub glossy: bool,
-    /// Largest roughness (alpha of GGX) among rough specular surfaces without a diffuse part; 0 where there is none.
-    pub widest_metal: f32,
-    /// Diffuse surfaces.
-    pub diffuse: bool,
-    /// Glass, through which light passes.
-    pub transmissive: bool,
-    /// Glass that absorbs.
-    pub absorbing: bool,
-    /// Surfaces with holes (`opacity` below 1 or masked).
-    pub cut_outs: bool,
-    /// Surfaces that shine but are not among the lights that are sampled: triangles and free forms with masks, and unbounded free forms.
-    pub emissive_unsampled: bool,
-    /// Triangles and free forms that shine and are sampled.
-    pub area_lights: bool,
-    /// Point or directional lights.
-    pub punctual_lights: bool,
-    /// Surroundings that shine.
-    pub environment: bool,
-    /// Triangles with interpolated normals.
-    pub shading_normals: bool,
-    /// Free forms.
-    pub forms: bool,
 }
 
 impl Scene {
@@ -101,7 +70,7 @@ impl Scene {
             bounds,
         );
         let light_seconds = start.elapsed().as_secs_f64();
-        let features = features(&triangles, &forms, &materials, &lights);
+        let features = Features::find(&triangles, &forms, &materials, &lights);
         let camera = camera.unwrap_or_else(|| Camera::framing(bounds));
         let mut scene = Self {
             triangles,
@@ -432,11 +401,11 @@ fn behind(t: f32) -> f32 {
 
 impl Material {
     /// Whether some rays pass; a dielectric lets them pass by itself.
-    fn is_cut_out(&self) -> bool {
+    pub(crate) fn is_cut_out(&self) -> bool {
         self.opacity < 1.0 || self.opacity_texture.is_some()
     }
 
-    fn is_emissive(&self) -> bool {
+    pub(crate) fn is_emissive(&self) -> bool {
         self.emission != Vec3::ZERO
     }
 }
@@ -479,45 +448,6 @@ fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) ->
         sampled.then(|| FormLight::new(&form.body, material.emission, material.opacity, primitive, count)).flatten()
     };
     (first..).zip(forms).filter_map(light).collect()
-}
-
-fn features(triangles: &Triangles, forms: &[Form], materials: &[Material], lights: &Lights) -> Features {
-    let mut features = Features {
-        area_lights: lights.has_area(),
-        punctual_lights: lights.has_punctual(),
-        environment: lights.has_environment(),
-        shading_normals: triangles.has_shading_normals(),
-        forms: !forms.is_empty(),
-        ..Features::default()
-    };
-    let mut add = |material: &Material, is_sampled: bool| {
-        let is_diffuse =
-            material.diffuse != Vec3::ZERO && !matches!(material.specular, SpecularKind::Dielectric { .. });
-        features.diffuse |= is_diffuse;
-        if let SpecularKind::Ggx { alpha, .. } = material.specular {
-            features.glossy = true;
-            features.widest_metal = if is_diffuse { features.widest_metal } else { features.widest_metal.max(alpha) };
-        }
-        features.delta |= matches!(material.specular, SpecularKind::Mirror { .. } | SpecularKind::Dielectric { .. });
-        if let SpecularKind::Dielectric { absorption, .. } = material.specular {
-            features.transmissive = true;
-            features.absorbing |= absorption != Vec3::ZERO;
-        }
-        features.cut_outs |= material.is_cut_out();
-        features.emissive_unsampled |= material.is_emissive() && !is_sampled;
-    };
-    let mut used = vec![false; materials.len()];
-    (0..triangles.len()).for_each(|i| used[triangles.material(i) as usize] = true);
-    materials
-        .iter()
-        .zip(used)
-        .filter(|(_, used)| *used)
-        .for_each(|(material, _)| add(material, material.opacity_texture.is_none()));
-    for form in forms {
-        let material = &materials[form.material as usize];
-        add(material, material.opacity_texture.is_none() && form.bounds.is_some());
-    }
-    features
 }
 
 /// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on the place on it.
