@@ -98,8 +98,8 @@ impl CellBuilder<'_> {
         }
         let middle = distances.len() / 2;
         let width = WIDTH_SHARE * *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let mut cells = Cells { width, ..Cells::default() };
-        let members = Self::members(&hits, &mut cells);
+        let (table, members) = sort_into_cells(&hits, width);
+        let mut cells = Cells { width, table, ..Cells::default() };
         let ray_count = (self.ray_budget as usize / members.len()).clamp(8, 256);
         cells.divided = members.par_iter().map(|points| self.is_divided(points, width)).collect();
         let rows: Vec<Row> = members
@@ -112,27 +112,6 @@ impl CellBuilder<'_> {
         }
         cells.solve(&rows);
         cells
-    }
-
-    /// Sorts hits into cells; keeps the first ones of each.
-    fn members(hits: &[Vec<(Shading, bool)>], cells: &mut Cells) -> Vec<Vec<Shading>> {
-        let width = cells.width;
-        // Keys with the numbers of their hits, so that sorting is the same for any number of threads.
-        let mut keys: Vec<(u64, u32, u32)> = hits
-            .par_iter()
-            .enumerate()
-            .flat_map_iter(|(probe, found)| {
-                let number = |i: usize| u32::try_from(i).expect("there are fewer hits than 2^32");
-                found.iter().enumerate().map(move |(i, (hit, _))| (key(&hit.surface, width), number(probe), number(i)))
-            })
-            .collect();
-        keys.par_sort_unstable();
-        let members: Vec<&[(u64, u32, u32)]> = keys.chunk_by(|a, b| a.0 == b.0).collect();
-        for of_cell in &members {
-            cells.table.insert(of_cell[0].0);
-        }
-        let hit = |&(_, probe, i): &(u64, u32, u32)| hits[probe as usize][i as usize].0;
-        members.into_par_iter().map(|of_cell| of_cell.iter().take(MAX_WITNESSES).map(hit).collect()).collect()
     }
 
     /// Diffuse surfaces that paths from the picture meet, those of each probe by themselves; with each, whether it is the first of its path.
@@ -253,6 +232,25 @@ impl CellBuilder<'_> {
             self.scene.occluded(&ray)
         })
     }
+}
+
+/// Finds the cells of hits, and the first hits in each.
+fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> (Table, Vec<Vec<Shading>>) {
+    // Keys with the numbers of their hits, so that sorting is the same for any number of threads.
+    let mut keys: Vec<(u64, u32, u32)> = hits
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(probe, found)| {
+            let number = |i: usize| u32::try_from(i).expect("there are fewer hits than 2^32");
+            found.iter().enumerate().map(move |(i, (hit, _))| (key(&hit.surface, width), number(probe), number(i)))
+        })
+        .collect();
+    keys.par_sort_unstable();
+    let cells: Vec<&[(u64, u32, u32)]> = keys.chunk_by(|a, b| a.0 == b.0).collect();
+    let table = Table::new(cells.iter().map(|cell| cell[0].0));
+    let hit = |&(_, probe, i): &(u64, u32, u32)| hits[probe as usize][i as usize].0;
+    let members = cells.into_par_iter().map(|cell| cell.iter().take(MAX_WITNESSES).map(hit).collect()).collect();
+    (table, members)
 }
 
 /// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
@@ -379,31 +377,22 @@ fn key(surface: &Surface, width: f32) -> u64 {
     hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1
 }
 
-/// Keys to numbers in the order of their entry, by open addressing.
+/// Keys to numbers in their order, by open addressing.
 #[derive(Debug, Default)]
 struct Table {
     /// Key and number; key 0 is a free slot.
     slots: Vec<(u64, u32)>,
-    len: usize,
 }
 
 impl Table {
-    /// The number of a key, a new one if it is not there.
-    fn insert(&mut self, key: u64) -> usize {
-        if (self.len + 1) * 2 > self.slots.len() {
-            let old = std::mem::take(&mut self.slots);
-            self.slots = vec![(0, 0); (old.len() * 2).max(1024)];
-            for entry in old.into_iter().filter(|entry| entry.0 != 0) {
-                let slot = self.slot(entry.0);
-                self.slots[slot] = entry;
-            }
+    /// Numbers keys, each of which comes once.
+    fn new(keys: impl ExactSizeIterator<Item = u64>) -> Self {
+        let mut table = Self { slots: vec![(0, 0); (2 * keys.len() + 1).next_power_of_two()] };
+        for (key, number) in keys.zip(0u32..) {
+            let slot = table.slot(key);
+            table.slots[slot] = (key, number);
         }
-        let slot = self.slot(key);
-        if self.slots[slot].0 == 0 {
-            self.slots[slot] = (key, u32::try_from(self.len).expect("memory ends before 2^32 cells"));
-            self.len += 1;
-        }
-        self.slots[slot].1 as usize
+        table
     }
 
     fn find(&self, key: u64) -> Option<u32> {
