@@ -87,9 +87,7 @@ pub(crate) struct FirstSamples {
 /// the indirect light, which samples do not know: by it edges count that are seen in no other.
 pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[FirstSamples], ambient: f32) -> Vec<u32> {
     let ambient = f64::from(ambient);
-    let exposure =
-        metrics::exposure_of(pixels.par_iter().map(|pixel| pixel.noise.mean(ambient)).collect()).unwrap_or(1.0);
-    let floor_sq = metrics::EPSILON / (exposure * exposure);
+    let floor_sq = metrics::floor_sq(pixels.par_iter().map(|pixel| pixel.noise.mean(ambient)).collect());
     // s^2 / D^2 of each pixel.
     #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
     let noise = |pixel: usize| {

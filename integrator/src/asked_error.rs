@@ -19,7 +19,7 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use scene::Scene;
 
-use crate::metrics::{self, Image};
+use crate::metrics;
 use crate::sampler::{Sampler, hash_pair};
 use crate::{Film, Method, PathTracer, Progress, RayCounts, Rendering, Settings, SettingsError, Statistics, render};
 
@@ -183,8 +183,8 @@ impl Passes {
     fn measure(&self) -> Measure {
         let picture = self.film.picture();
         let size = self.film.size;
-        let exposure = Image::new(size, &picture).and_then(|picture| metrics::exposure(&picture)).unwrap_or(1.0);
-        let floor_sq = metrics::EPSILON / (exposure * exposure);
+        let finite = picture.iter().filter(|pixel| pixel.is_finite());
+        let floor_sq = metrics::floor_sq(finite.map(|pixel| pixel.as_dvec3().element_sum() / 3.0).collect());
         let weight = f64::from(self.weight);
         let alike = weight * weight / self.weight_sq;
         let mean: Vec<f32> = picture.into_iter().map(grey).collect();

@@ -15,7 +15,7 @@ pub use difference::{DIFFERENCE_RANGE, signed_difference};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, ldr_flip};
 pub use ratio::{RatioOfMeans, ratio_of_means};
 pub use reference::{Batches, Reference};
-pub(crate) use rel_mse::{EPSILON, exposure_of};
+pub(crate) use rel_mse::floor_sq;
 pub use rel_mse::{RelMse, exposure, rel_mse};
 
 /// A borrowed picture: linear RGB, rows from the top, `size.x * size.y` pixels.

@@ -8,7 +8,7 @@
 use super::{Image, MetricsError, finite_pairs, same_size};
 
 /// Keeps black pixels from ruling the mean: a tenth of full scale, squared.
-pub(crate) const EPSILON: f64 = 0.01;
+pub(super) const EPSILON: f64 = 0.01;
 /// The share of pixels that the robust figure leaves out: fireflies, which a viewer would remove.
 const WORST_SHARE: f64 = 0.001;
 /// What the 90th percentile is brought to.
@@ -76,8 +76,15 @@ pub fn exposure(reference: &Image) -> Result<f64, MetricsError> {
     exposure_of(means).ok_or(MetricsError::NothingFinite)
 }
 
+/// What keeps dark pixels from ruling relative errors, in the units of finite pixels with these means m of R, G and B: m^2 and this are the denominator
+/// of relMSE.
+pub(crate) fn floor_sq(means: Vec<f64>) -> f64 {
+    let exposure = exposure_of(means).unwrap_or(1.0);
+    EPSILON / (exposure * exposure)
+}
+
 /// The exposure of pixels with these means of R, G and B; `None` without a pixel.
-pub(crate) fn exposure_of(mut means: Vec<f64>) -> Option<f64> {
+fn exposure_of(mut means: Vec<f64>) -> Option<f64> {
     if means.is_empty() {
         return None;
     }
