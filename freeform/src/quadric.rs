@@ -93,6 +93,14 @@ impl Quadric {
         Self { coefficients: self.coefficients.map(f64::abs) }.along(p.abs(), d.abs())
     }
 
+    /// Returns by how much the coefficients of Q(p + s d) change where p moves by `step`, at most: the sums of the absolute terms. `a` does not change.
+    #[inline]
+    pub(crate) fn weight_moved(&self, p: DVec3, d: DVec3, step: DVec3) -> Quadratic {
+        let weights = Self { coefficients: self.coefficients.map(f64::abs) };
+        let step = step.abs();
+        Quadratic { a: 0.0, b: weights.pull(d.abs()).dot(step), c: weights.gradient(p.abs()).dot(step) }
+    }
+
     /// Returns the sums of the absolute terms of the three derivatives at `p`.
     pub(crate) fn gradient_weight(&self, p: DVec3) -> DVec3 {
         Self { coefficients: self.coefficients.map(f64::abs) }.gradient(p.abs())

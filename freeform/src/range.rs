@@ -60,11 +60,6 @@ impl Range {
     }
 
     #[inline]
-    pub(crate) fn middle(self) -> f64 {
-        0.5 * (self.lo + self.hi)
-    }
-
-    #[inline]
     pub(crate) fn square(self) -> Self {
         let (a, b) = (self.lo * self.lo, self.hi * self.hi);
         let least = if self.lo <= 0.0 && self.hi >= 0.0 { 0.0 } else { a.min(b).next_down().max(0.0) };
@@ -188,6 +183,7 @@ fn psi_at(psi: Psi, f: f64, g: f64) -> Range {
             // As in `Psi::value`: the sum of two negative values cancels the root.
             if sum.hi < 0.0 { (Range::exactly(-2.0) * a * b).over(root - sum) } else { sum + root }
         }
+        Psi::Blend { width } if (f - g).abs() > width.next_up() => Range::exactly(f.max(g)),
         Psi::Blend { width } => {
             let h = (Range::exactly(1.0) - (a - b).abs().over(Range::exactly(width))).positive_part();
             let sixth = Range::exactly(width).over(Range::exactly(6.0));
@@ -198,6 +194,9 @@ fn psi_at(psi: Psi, f: f64, g: f64) -> Range {
 
 /// Returns a range around the share of f in the slope of a blend where f - g is `apart`; it grows from 0 to 1.
 fn blend_share(apart: f64, width: f64) -> Range {
+    if apart.abs() >= width {
+        return Range::exactly(if apart > 0.0 { 1.0 } else { 0.0 });
+    }
     let apart_abs = Range::exactly(apart.abs());
     let h = (Range::exactly(1.0) - apart_abs.over(Range::exactly(width))).positive_part();
     let less = Range::exactly(0.5) * h.square();
