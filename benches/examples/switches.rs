@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 14] = [
+const SWITCHES: [(&str, &str); 17] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -23,6 +23,9 @@ const SWITCHES: [(&str, &str); 14] = [
     ("layers=8", "8 layers"),
     ("step=1", "a hole ray a texel"),
     ("step=3", "a hole ray for 3 x 3 texels"),
+    ("reach=distance", "records of irradiance reach 0.3 of the harmonic mean distance"),
+    ("gradients=off", "records of irradiance without gradients"),
+    ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
     ("texture-alpha=0", "gloss read from textures"),
     ("secondary=photons", "photon map at secondary hits"),

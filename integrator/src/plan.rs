@@ -26,6 +26,10 @@ pub(crate) struct Plan {
     /// Error that a record of irradiance may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on
     /// all of it.
     pub(crate) error: f32,
+    /// Whether records of irradiance reach as far as the Hessian says.
+    pub(crate) by_hessian: bool,
+    /// Whether they know the gradients.
+    pub(crate) gradients: bool,
     /// How reprojections are made.
     pub(crate) reproject: reproject::Settings,
     /// Verification rays along a side.
@@ -90,6 +94,8 @@ impl Plan {
             spacing: study.spacing.unwrap_or(0.2),
             // Where records cost less, there are more of them.
             error: study.error.unwrap_or(if settings.method == Method::Reproject { 5e-5 } else { 1e-4 } / quality),
+            by_hessian: study.by_distance != Some(true),
+            gradients: study.gradients != Some(false),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
                 trails: study.trails(),
@@ -137,6 +143,10 @@ const TOUCHING_SHARE: f32 = 1e-5;
 /// The samples that every pixel takes, and what decides how many more there are.
 fn primary_samples(settings: &Settings) -> (u32, Budget) {
     let Settings { spp, quality, .. } = *settings;
+    if settings.study.even_samples == Some(true) {
+        let spp = spp.unwrap_or_else(|| round(16.0 * quality, 2.0, 65_536.0));
+        return (spp, Budget::Mean(spp));
+    }
     match spp {
         // A pixel without noise takes a quarter of the mean.
         Some(spp) => (power_of_two(spp as f32 / 4.0).max(2).min(spp), Budget::Mean(spp)),

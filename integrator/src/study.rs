@@ -42,6 +42,12 @@ pub struct Study {
     pub all_trails: Option<bool>,
     /// Whether shares are counted in bits or measured as areas.
     pub count_bits: Option<bool>,
+    /// Whether records of irradiance reach a share of the harmonic mean distance (Ward 1988), or as far as the Hessian says.
+    pub by_distance: Option<bool>,
+    /// Whether records of irradiance know its gradients.
+    pub gradients: Option<bool>,
+    /// Whether all pixels take the same number of primary samples: those asked for, or 16 at quality 1.
+    pub even_samples: Option<bool>,
     /// Where gather rays take the light of the surfaces that they meet from.
     pub secondary: Option<SecondaryKind>,
 }
@@ -52,7 +58,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, texture-alpha, photons, coverage, trail, weights, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, texture-alpha, photons, coverage, trail, weights, reach, gradients, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -96,6 +102,9 @@ impl Study {
             "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
             "trail" => self.all_trails = Some(choice(name, value, [("all", true), ("silhouettes", false)])?),
             "weights" => self.count_bits = Some(choice(name, value, [("bits", true), ("areas", false)])?),
+            "reach" => self.by_distance = Some(choice(name, value, [("distance", true), ("hessian", false)])?),
+            "gradients" => self.gradients = Some(choice(name, value, [("on", true), ("off", false)])?),
+            "samples" => self.even_samples = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
             "secondary" => {
                 let kinds = [SecondaryKind::Cells, SecondaryKind::Photons, SecondaryKind::Paths];
                 self.secondary = Some(choice(name, value, ["cells", "photons", "paths"].into_iter().zip(kinds))?);
@@ -164,6 +173,9 @@ mod tests {
             ("coverage", "rect"),
             ("trail", "all"),
             ("weights", "bits"),
+            ("reach", "distance"),
+            ("gradients", "off"),
+            ("samples", "even"),
             ("secondary", "photons"),
         ];
         for (name, value) in good {

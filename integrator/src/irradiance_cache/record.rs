@@ -30,6 +30,10 @@ pub(crate) struct RecordRules {
     pub(crate) min_radius: f32,
     /// Largest radius.
     pub(crate) max_radius: f32,
+    /// Whether the Hessian says how far it reaches, or Ward's rule.
+    pub(crate) by_hessian: bool,
+    /// Whether it knows the gradients.
+    pub(crate) gradients: bool,
 }
 
 /// Irradiance at one point of a surface, its derivatives, and how far they hold.
@@ -109,10 +113,9 @@ impl Record {
         let far = samples.harmonic_distance();
         let directions = samples.directions();
         let limited = |radius: f32| radius.min(far).min(rules.max_radius).max(rules.min_radius);
-        let (derivatives, radii, axis) = if is_lit_by_few(samples) {
-            (Derivatives::default(), [limited(WARD_SPACING * far); 2], Vec2::X)
-        } else {
-            let derivatives = edges.derivatives(samples, &directions, rules.min_radius);
+        let derivatives =
+            if is_lit_by_few(samples) { None } else { Some(edges.derivatives(samples, &directions, rules.min_radius)) };
+        let (radii, axis) = if let Some(derivatives) = derivatives.filter(|_| rules.by_hessian) {
             let light = luminance(mean[0] + mean[1]);
             let (curvatures, axis) = derivatives.hessian.eigen();
             // Where the first derivative is so large, light falls to 0 within the radius: no second derivative tells of that.
@@ -120,10 +123,12 @@ impl Record {
             let slope = Vec2::new(luminance(near[0] + sky[0]), luminance(near[1] + sky[1]));
             let fall = light / slope.length();
             let radii = curvatures.map(|curvature| limited(radius(curvature, rules.total_error * light).min(fall)));
-            (derivatives, radii, axis)
+            (radii, axis)
+        } else {
+            ([limited(WARD_SPACING * far); 2], Vec2::X)
         };
         let [first, second] = [radii[0], radii[1].min(MAX_ASPECT * radii[0])];
-        let Derivatives { translation, rotation, .. } = derivatives;
+        let Derivatives { translation, rotation, .. } = derivatives.filter(|_| rules.gradients).unwrap_or_default();
         let mut ellipse = Symmetric::mixed(axis, axis).scaled(0.5 / (first * first));
         ellipse += Symmetric::mixed(axis.perp(), axis.perp()).scaled(0.5 / (second * second));
         let guards = guards(samples, &directions, &frame, second);
@@ -231,7 +236,8 @@ mod tests {
     use super::*;
 
     const N: usize = 32;
-    const RULES: RecordRules = RecordRules { total_error: 1e-3, min_radius: 1e-3, max_radius: 10.0 };
+    const RULES: RecordRules =
+        RecordRules { total_error: 1e-3, min_radius: 1e-3, max_radius: 10.0, by_hessian: true, gradients: true };
 
     fn record(rules: &RecordRules, look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Record {
         let frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };

@@ -16,6 +16,8 @@ pub(crate) struct Recorder {
     edges: Vec<TexelEdges>,
     /// See [`Plan::error`].
     error: f32,
+    by_hessian: bool,
+    gradients: bool,
     /// Side of a square picture of as many pixels.
     side: f32,
     /// Size of the scene, metres.
@@ -33,7 +35,8 @@ impl Recorder {
         let mut resolutions = vec![plan.n, plan.look_n];
         resolutions.dedup();
         let edges = resolutions.into_iter().map(TexelEdges::new).collect();
-        Self { edges, error: plan.error, side: (pixels as f32).sqrt(), scene_size }
+        let Plan { error, by_hessian, gradients, .. } = *plan;
+        Self { edges, error, by_hessian, gradients, side: (pixels as f32).sqrt(), scene_size }
     }
 
     /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`.
@@ -55,6 +58,8 @@ impl Recorder {
             total_error: self.error * width * width,
             min_radius,
             max_radius: (MAX_SHARE * self.scene_size).max(min_radius),
+            by_hessian: self.by_hessian,
+            gradients: self.gradients,
         }
     }
 }
