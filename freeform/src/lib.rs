@@ -1,12 +1,15 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod along;
 mod bernstein;
 mod blend;
 mod bounds;
 mod boxes;
 mod buffer;
+mod cells;
 mod error;
+mod evaluation;
 mod form;
 mod interval;
 mod mesh;

@@ -10,6 +10,7 @@ use crate::{
     FreeForm, Operation,
     bounds::Extent,
     boxes::Boxes,
+    cells::Cells,
     tree::{self, Join, Place, Token},
 };
 
@@ -21,8 +22,8 @@ const FIRST: i64 = 1 << 32;
 pub(crate) struct Unit {
     /// Where its subtree begins.
     pub(crate) place: Place,
-    /// Whether the subtree is a single form.
-    pub(crate) is_form: bool,
+    /// The cells of a blend; none of a single form.
+    pub(crate) cells: Option<u32>,
     /// Whether the whole is inside where the unit is not: under an odd number of complements.
     pub(crate) flipped: bool,
     /// The operation that it is a part of, if any, and what it adds to the count of that.
@@ -65,6 +66,8 @@ pub(crate) struct Plan {
     pub(crate) is_union: bool,
     /// Where each unit matters.
     pub(crate) boxes: Boxes,
+    /// Where each blend has its surface.
+    pub(crate) cells: Vec<Cells>,
 }
 
 /// What is handed down to a part.
@@ -78,8 +81,14 @@ struct Context {
 
 impl Plan {
     pub(crate) fn new(tokens: &[Token], forms: &[FreeForm]) -> Self {
-        let mut plan =
-            Self { units: Vec::new(), nodes: Vec::new(), rest: Vec::new(), is_union: false, boxes: Boxes::default() };
+        let mut plan = Self {
+            units: Vec::new(),
+            nodes: Vec::new(),
+            rest: Vec::new(),
+            is_union: false,
+            boxes: Boxes::default(),
+            cells: Vec::new(),
+        };
         let mut extents = Vec::new();
         let top = Context { parent: None, share: 1, flipped: false, extent: Extent::ALL };
         plan.add(tokens, forms, &mut Place::default(), top, &mut extents);
@@ -107,6 +116,7 @@ impl Plan {
             + size_of_val(&self.nodes[..])
             + size_of_val(&self.rest[..])
             + self.boxes.memory_bytes()
+            + self.cells.iter().map(Cells::memory_bytes).sum::<usize>()
     }
 
     /// Adds the subtree at `place`, which is left behind it.
@@ -124,9 +134,15 @@ impl Plan {
         let Join { operation, parts, .. } = match tokens[start.token] {
             Token::Join(join) if !join.psi.blends() => join,
             token => {
-                extents.push(extent.intersection(&whole(start)));
-                self.units.push(Unit { place: start, is_form: token == Token::Form, flipped, parent, share });
+                let extent = extent.intersection(&whole(start));
                 *place = start.after(tokens);
+                let cells = (token != Token::Form).then(|| {
+                    let forms = &forms[start.form..place.form];
+                    self.cells.push(Cells::new(&tokens[start.token..place.token], forms, &extent));
+                    u32::try_from(self.cells.len() - 1).expect("tokens are numbered in 32 bits")
+                });
+                extents.push(extent);
+                self.units.push(Unit { place: start, cells, flipped, parent, share });
                 return;
             }
         };

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::{FormError, quadratic::Quadratic};
+use crate::{FormError, quadratic::Quadratic, range::Range};
 
 /// A polynomial of degree two whose inside is where it is not negative:
 ///
@@ -99,6 +99,22 @@ impl Quadric {
         let weights = Self { coefficients: self.coefficients.map(f64::abs) };
         let step = step.abs();
         Quadratic { a: 0.0, b: weights.pull(d.abs()).dot(step), c: weights.gradient(p.abs()).dot(step) }
+    }
+
+    /// Returns the range of Q within `h` of `p` along each axis, with room for all roundings.
+    pub(crate) fn over_box(&self, p: DVec3, h: DVec3) -> Range {
+        /// At most 32 roundings of half a step, in sums of absolute terms that add up to less than four times the weight.
+        const ROUNDING: f64 = 64.0 * f64::EPSILON;
+        let [a11, a22, a33, a12, a13, a23, ..] = self.coefficients;
+        let weight = Self { coefficients: self.coefficients.map(f64::abs) }.value(p.abs() + h);
+        let (squares, diagonal) = (h * h, DVec3::new(a11, a22, a33));
+        let mixed = (a12 * h.x * h.y).abs() + (a13 * h.x * h.z).abs() + (a23 * h.y * h.z).abs();
+        let (value, linear) = (self.value(p), self.gradient(p).abs().dot(h));
+        let around = linear + mixed + ROUNDING * weight;
+        Range {
+            lo: value - around + diagonal.min(DVec3::ZERO).dot(squares),
+            hi: value + around + diagonal.max(DVec3::ZERO).dot(squares),
+        }
     }
 
     /// Returns the sums of the absolute terms of the three derivatives at `p`.

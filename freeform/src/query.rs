@@ -76,8 +76,11 @@ impl Solid {
     fn walk_unit(&self, unit: u32, ray: &Ray, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) -> Walked {
         let visit = |crossing| visit(Crossing { part: unit, ..crossing });
         match self.plan.units[unit as usize] {
-            Unit { place, is_form: true, .. } => walk(&self.forms[place.form], ray, visit),
-            _ => blend::walk(self, unit, ray, visit),
+            Unit { place, cells: None, .. } => walk(&self.forms[place.form], ray, visit),
+            Unit { place, cells: Some(cells), .. } => {
+                let extent = self.plan.boxes.extent(unit);
+                blend::walk(self, place, (extent, &self.plan.cells[cells as usize]), ray, visit)
+            }
         }
     }
 

@@ -136,10 +136,20 @@ pub(crate) struct RangeSlope {
     pub(crate) slope: Range,
 }
 
-impl Valued for RangeSlope {
+impl Valued for Range {
     fn union(psi: Psi, f: Self, g: Self) -> Self {
         // Psi grows with both arguments.
-        let value = Range { lo: psi_at(psi, f.value.lo, g.value.lo).lo, hi: psi_at(psi, f.value.hi, g.value.hi).hi };
+        Self { lo: psi_at(psi, f.lo, g.lo).lo, hi: psi_at(psi, f.hi, g.hi).hi }
+    }
+
+    fn complement(self) -> Self {
+        -self
+    }
+}
+
+impl Valued for RangeSlope {
+    fn union(psi: Psi, f: Self, g: Self) -> Self {
+        let value = Range::union(psi, f.value, g.value);
         let share = match psi {
             Psi::Maximum if f.value.lo >= g.value.hi => Range::exactly(1.0),
             Psi::Maximum if f.value.hi <= g.value.lo => Range::ZERO,

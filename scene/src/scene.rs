@@ -1,5 +1,6 @@
 //! A scene that rays can ask.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use freeform::Solid;
@@ -355,15 +356,21 @@ impl Scene {
         self.light_seconds
     }
 
-    /// Returns the memory held by geometry, tree, textures and lights, bytes; what free forms hold inside is left out.
+    /// Returns the memory held by geometry, tree, textures and lights, bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
         self.triangles.memory_bytes()
             + self.forms.capacity() * size_of::<Form>()
+            + self.solids().map(Solid::memory_bytes).sum::<usize>()
             + self.bvh.memory_bytes()
             + self.materials.capacity() * size_of::<Material>()
             + self.textures.iter().map(Texture::memory_bytes).sum::<usize>()
             + self.lights.memory_bytes()
+    }
+
+    /// The solids of the free forms, each once: copies stand one after the other.
+    fn solids(&self) -> impl Iterator<Item = &Solid> {
+        self.forms.chunk_by(|a, b| Arc::ptr_eq(a.body.solid(), b.body.solid())).map(|copies| &**copies[0].body.solid())
     }
 
     fn form_primitive(&self, form: u32) -> u32 {
