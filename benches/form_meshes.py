@@ -24,7 +24,7 @@ SCENES = ROOT / "cli" / "scenes"
 CASES = {
     "form-figure": (0.02, []),
     "form-glass": (0.0015, []),
-    "form-part": (0.015, ["--method", "path", "--spp", "4"]),
+    "form-part": (0.015, ["--quality", "0.1"]),
     "form-field": (0.05, ["--quality", "0.3"]),
 }
 SIZE = "360x240"

@@ -13,7 +13,7 @@ use benches::bodies::{bumpy, tree};
 use fidget::context::Tree;
 use fidget::jit::JitShape;
 use fidget::render::{VoxelRenderConfig, VoxelSize};
-use freeform::{FreeForm, Interval, Operation, Perturbation, Quadric, Ray, Solid};
+use freeform::{FreeForm, Interval, Operation, Perturbation, Psi, Quadric, Ray, Solid};
 use glam::DVec3;
 use polycool::Poly;
 
@@ -91,7 +91,7 @@ fn depth_pictures() {
     );
     println!("|---|---|---|---|---|---|");
     let bodies = [0, 1, 8, 64].map(|n| (format!("{n} perturbations"), bumpy(n)));
-    let trees = [2, 10, 100].map(|n| (format!("tree of {n} leaves"), tree(n)));
+    let trees = [2, 10, 100].map(|n| (format!("tree of {n} leaves"), tree(n, Psi::Maximum)));
     let voxel = 2.0 * REACH / f64::from(SIZE);
     // Middles of pixels as fidget has them: the first column on the left edge, the first row a pixel below the upper.
     let at = |i: u32| REACH * (2.0 * f64::from(i) / f64::from(SIZE) - 1.0);

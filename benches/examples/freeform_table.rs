@@ -5,7 +5,7 @@
 use std::time::Instant;
 
 use benches::bodies::{TRIANGLES_MAX, bumpy, mesh_of_error, scene_of_form, scene_of_mesh, spiral, tree};
-use freeform::Solid;
+use freeform::{Psi, Solid};
 use scene::{Ray, Scene};
 
 const RAYS: u32 = 16_384;
@@ -49,8 +49,10 @@ fn main() {
             bumpy(n),
         )
     });
-    let trees = [2, 10, 100, 1000].map(|n| (format!("tree of {n} leaves"), tree(n)));
-    for (name, solid) in forms.into_iter().chain(trees) {
+    let trees = [2, 10, 100, 1000].map(|n| (format!("tree of {n} leaves"), tree(n, Psi::Maximum)));
+    let blend = Psi::Blend { width: 0.2 };
+    let blends = [2, 10, 100].map(|n| (format!("blend of {n} leaves"), tree(n, blend)));
+    for (name, solid) in forms.into_iter().chain(trees).chain(blends) {
         if !(wanted.is_empty() || wanted.contains(&name)) {
             continue;
         }

@@ -42,14 +42,14 @@ pub fn bumpy(count: u32) -> Solid {
 /// # Panics
 /// Never for sound arguments.
 #[must_use]
-pub fn tree(leaves: u32) -> Solid {
+pub fn tree(leaves: u32, psi: Psi) -> Solid {
     let radius = (1.6 / f64::from(leaves).sqrt()).min(0.5);
     let part = |k| -> Solid { FreeForm::new(ball(spiral(k, leaves), radius), vec![]).expect("sound").into() };
     let body: Solid = FreeForm::new(ball(DVec3::ZERO, 1.0), vec![]).expect("sound").into();
-    let union = Solid::union(Psi::Maximum, std::iter::once(body).chain((1..leaves).step_by(2).map(part)).collect());
+    let union = Solid::union(psi, std::iter::once(body).chain((1..leaves).step_by(2).map(part)).collect());
     let taken = (2..leaves).step_by(2).map(part);
     let parts = std::iter::once(union.expect("parts")).chain(taken).collect();
-    Solid::difference(Psi::Maximum, parts).expect("parts")
+    Solid::difference(psi, parts).expect("parts")
 }
 
 /// Returns a scene of one free form.

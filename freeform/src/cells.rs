@@ -16,8 +16,9 @@ use crate::{
     tree::Token,
 };
 
-/// Times that the box is halved at most: 2048 cells.
+/// Times that the box is halved: 2048 cells for 8 forms or more, half as many for each halving of that, for fewer forms gain less by them.
 const LEVELS: u32 = 11;
+const LEVELS_OF_ONE: u32 = 8;
 /// Cells are known to be what they are this share of the box beyond their faces, where rounding may put a ray.
 const MARGIN: f64 = 1e-9;
 
@@ -51,10 +52,13 @@ impl Cells {
         let mut cells = Self { cells: Vec::new(), silent: Vec::new(), tokens: tokens.len(), margin: 0.0 };
         if extent.is_finite() {
             cells.margin = MARGIN * (extent.max - extent.min).max_element();
+            let count = forms.len();
             let mut numbers = 0_usize..;
             let number = |token: &Token| if *token == Token::Form { numbers.next() } else { None };
             let forms = tokens.iter().map(number).map(|number| number.map_or(&forms[0], |number| &forms[number]));
-            let mut cutter = Cutter { tokens, forms: forms.collect(), home, silent: Silent::none(tokens.len()), cells };
+            let levels = LEVELS.min(LEVELS_OF_ONE + count.ilog2());
+            let mut cutter =
+                Cutter { tokens, forms: forms.collect(), home, levels, silent: Silent::none(tokens.len()), cells };
             cutter.cut(&extent, 0);
             cells = cutter.cells;
         } else {
@@ -97,6 +101,7 @@ struct Cutter<'a> {
     /// For each token that is a form, that form.
     forms: Vec<&'a FreeForm>,
     home: DVec3,
+    levels: u32,
     silent: Silent,
     cells: Cells,
 }
@@ -108,7 +113,7 @@ impl Cutter<'_> {
         let value = self.value(extent);
         if value.sign() != 0.0 {
             self.cells.cells.push(Cell::Side { inside: value.sign() > 0.0 });
-        } else if level == LEVELS {
+        } else if level == self.levels {
             let silent = self.number_of_silent();
             self.cells.cells.push(Cell::Surface { silent });
         } else {
