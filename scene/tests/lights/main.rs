@@ -1,0 +1,7 @@
+//! Lights against their closed forms: samples of each kind, their densities, and photons.
+
+mod forms;
+mod many;
+mod measure;
+mod surroundings;
+mod triangles;
