@@ -54,7 +54,7 @@ macro_rules! single_bits {
         const BITS: usize = <$word>::BITS as usize;
         #[inline(always)]
         fn from_bit(k: u32) -> Self {
-            if k < <$word>::BITS { Self::MAX << k } else { 0 }
+            Self::MAX.unbounded_shl(k)
         }
         #[inline(always)]
         fn bit(k: usize) -> Self {

@@ -135,6 +135,16 @@ fn first_centre(x: f32, scale: f32) -> u32 {
     (shifted.to_bits() & 0x7f) + up
 }
 
+/// [`first_centre`] of a crossing with an edge in the square: at most rounding outside of it, so that nothing need be cut off.
+#[inline(always)]
+fn first_centre_inside(x: f32) -> u32 {
+    /// Between 2^23 and 2^24, as `ROUND` there, but far enough from either end for numbers below 0 too.
+    const ROUND: f32 = 12_582_912.0;
+    let shifted = x + ROUND;
+    let up = u32::from(shifted - ROUND < x);
+    (shifted.to_bits() & 0x7f) + up
+}
+
 /// The rows of 16 quadrilaterals with corners in the square, from the first row of each on.
 #[inline(always)]
 fn spans<W: Word>(
@@ -181,7 +191,7 @@ fn spans<W: Word>(
                 let crossing = x_low[k][e] + (centre - y_low[k][e]) * slope[k][e];
                 // Level edges cross no row, which also keeps their slopes out.
                 let crosses = (y_low[k][e] <= centre) & (centre < y_high[k][e]);
-                bits = bits ^ W::from_bit(first_centre(if crosses { crossing } else { 0.0 }, scale));
+                bits = bits ^ W::from_bit(first_centre_inside(if crosses { crossing } else { 0.0 }));
             }
             by_row[r][e] = bits;
         }
