@@ -34,7 +34,7 @@ const DEPTH_MAX: u32 = 100;
 const STRETCHES_MAX: u32 = 20_000;
 /// A stretch of fewer rounding steps is not halved further.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
-/// A blend without bounds is followed for so many times the distance of the ray from its first form.
+/// A blend without bounds is followed for so many times the distance of the ray from its first form, and so many metres.
 const ENDLESS: f64 = 1e12;
 /// The start of a ray is on the surface if its value is this many times what rounding of the start and of the value can make.
 const START_ROUNDING: f64 = 8.0;
@@ -64,9 +64,9 @@ pub(crate) fn walk(
     let Some(local) = Local::within(&extent.moved(-home), home, ray) else {
         return Walked { starts_inside: false, ends_inside: false };
     };
-    let (lo, hi) = (local.lo.max(-ENDLESS * local.unit()), local.hi.min(ENDLESS * local.unit()));
+    let endless = endless(&local);
+    let (lo, hi) = (local.lo.max(-endless), local.hi.min(endless));
     let tokens = &solid.tokens[place.token..][..cells.token_count()];
-    let leaves = std::iter::repeat_with(|| None).take(tokens.len()).collect();
     let mut walker = Walker::new(&local, visit);
     let mut isolation = Isolation {
         solid,
@@ -74,19 +74,27 @@ pub(crate) fn walk(
         ray,
         local: &local,
         ends: (lo, hi),
-        function: Function { tokens, leaves },
+        function: Function { tokens, leaves: Vec::new() },
         silent: Silent::none(tokens.len()),
         start: None,
         stretches: 0,
     };
     let (_, error) = seen_from(home, ray, local.t0);
     // The walker itself knows whether it was broken off.
-    let _ = if cells.hold(error) {
-        isolation.cells(cells, 0, (lo, hi), &mut walker)
+    let _ = if cells.hold(error.max_element().max(local.start_error.unwrap_or(0.0))) {
+        isolation.run(cells, &mut walker)
     } else {
-        isolation.surface(None, (lo, hi), &mut walker)
+        isolation.run_without_cells(&mut walker)
     };
     walker.finish(local.start_error.is_some())
+}
+
+/// Returns where an endless ray through a blend without bounds is given up; finite ends are kept.
+fn endless(local: &Local) -> f64 {
+    let ends = [local.lo, local.hi].map(|s| if s.is_finite() { s.abs() } else { 0.0 });
+    // A ray through the home of the blend has no distance from it but rounding.
+    let far = ENDLESS * local.unit().max(local.d.length().recip());
+    far.max(ends[0]).max(ends[1])
 }
 
 impl Leaf {
@@ -157,6 +165,38 @@ struct Isolation<'a> {
 }
 
 impl Isolation<'_> {
+    /// Walks the ray through the cells.
+    fn run<V: FnMut(Crossing) -> ControlFlow<()>>(&mut self, cells: &Cells, walker: &mut Walker<V>) -> ControlFlow<()> {
+        let (lo, hi) = self.ends;
+        let mut from = lo;
+        if let Some(error) = self.local.start_error
+            && let Cell::Surface { silent } = cells.at(self.local.p + lo * self.local.d)
+        {
+            self.silent.reset(cells.silent(silent));
+            self.make_leaves();
+            if let Some(reach) = self.reach_of_surface(error) {
+                // Whatever borders lie between the start and the root that it stands for, they are passed in one piece.
+                self.start = Some(lo);
+                from = (lo + reach).min(hi);
+                if !cells.hold(reach * self.local.d.abs().max_element()) {
+                    self.silent = Silent::none(self.function.tokens.len());
+                    self.make_leaves();
+                }
+                self.isolate((lo, from), 0, walker)?;
+            }
+        }
+        if from < hi { self.cells(cells, 0, (from, hi), walker) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Walks the ray with all parts.
+    fn run_without_cells<V: FnMut(Crossing) -> ControlFlow<()>>(&mut self, walker: &mut Walker<V>) -> ControlFlow<()> {
+        self.make_leaves();
+        if let Some(error) = self.local.start_error {
+            self.start = self.reach_of_surface(error).map(|_| self.ends.0);
+        }
+        self.isolate(self.ends, 0, walker)
+    }
+
     /// Walks the part of the ray in a cell.
     fn cells<V: FnMut(Crossing) -> ControlFlow<()>>(
         &mut self,
@@ -167,7 +207,11 @@ impl Isolation<'_> {
     ) -> ControlFlow<()> {
         let (axis, at, upper) = match cells.cell(cell) {
             Cell::Side { inside } => return walker.stretch(lo, hi, inside),
-            Cell::Surface { silent } => return self.surface(Some(cells.silent(silent)), (lo, hi), walker),
+            Cell::Surface { silent } => {
+                self.silent.reset(cells.silent(silent));
+                self.make_leaves();
+                return self.isolate((lo, hi), 0, walker);
+            }
             Cell::Halved { axis, at, upper } => (usize::from(axis), at, upper),
         };
         let (p, d) = (self.local.p[axis], self.local.d[axis]);
@@ -184,35 +228,26 @@ impl Isolation<'_> {
         }
     }
 
-    /// Walks a part of the ray that may meet the surface; all but the silent parts have a say there.
-    fn surface<V: FnMut(Crossing) -> ControlFlow<()>>(
-        &mut self,
-        silent: Option<&[u64]>,
-        (lo, hi): (f64, f64),
-        walker: &mut Walker<V>,
-    ) -> ControlFlow<()> {
-        if let Some(silent) = silent {
-            self.silent.reset(silent);
-        }
+    /// Makes the leaves that are not silent.
+    fn make_leaves(&mut self) {
+        let Function { tokens, leaves } = &mut self.function;
+        leaves.resize_with(tokens.len(), || None);
         let forms = &self.solid.forms[self.place.form..];
-        let is_form = |(_, token): &(usize, &Token)| **token == Token::Form;
-        for ((token, _), form) in self.function.tokens.iter().enumerate().filter(is_form).zip(forms) {
-            if !self.silent.holds(token) && self.function.leaves[token].is_none() {
-                self.function.leaves[token] = Some(Leaf::new(form, self.ray, self.local, self.ends));
+        let form_tokens = tokens.iter().zip(leaves).enumerate().filter(|(_, (token, _))| **token == Token::Form);
+        for ((token, (_, leaf)), form) in form_tokens.zip(forms) {
+            if leaf.is_none() && !self.silent.holds(token) {
+                *leaf = Some(Leaf::new(form, self.ray, self.local, self.ends));
             }
         }
-        if let Some(error) = self.local.start_error.filter(|_| lo == self.ends.0) {
-            self.start = self.starts_on_surface(error).then_some(lo);
-        }
-        self.isolate((lo, hi), 0, walker)
     }
 
-    /// Whether the start of the ray is on the surface but for rounding.
-    fn starts_on_surface(&mut self, point_error: f64) -> bool {
+    /// Returns how far beyond the start the root lies that it stands for, if the start is on the surface but for rounding.
+    fn reach_of_surface(&mut self, point_error: f64) -> Option<f64> {
         let start = self.solid.local_linear(self.ray.at(self.ray.t_min), self.place);
         let Range { lo, hi } = self.function.about(self.ends.0, 0.0, &mut self.silent).value;
         let noise = START_ROUNDING * (hi - lo) + point_error * start.gradient.length();
-        lo <= noise && hi >= -noise
+        let slope = start.gradient.dot(self.local.d).abs();
+        (lo <= noise && hi >= -noise).then_some(2.0 * noise / slope)
     }
 
     /// Isolates the roots of a part of the stretch at hand.

@@ -61,6 +61,8 @@ impl Cells {
                 Cutter { tokens, forms: forms.collect(), home, levels, silent: Silent::none(tokens.len()), cells };
             cutter.cut(&extent, 0);
             cells = cutter.cells;
+            cells.cells.shrink_to_fit();
+            cells.silent.shrink_to_fit();
         } else {
             cells.silent = vec![0; tokens.len().div_ceil(64)];
             cells.cells.push(Cell::Surface { silent: 0 });
@@ -73,7 +75,20 @@ impl Cells {
         self.cells[index as usize]
     }
 
-    /// Returns a set of tokens that say nothing, and nothing within them.
+    /// Returns the cell without halves at a place, relative to the origin of the first form.
+    pub(crate) fn at(&self, p: DVec3) -> Cell {
+        let mut index = 0;
+        loop {
+            match self.cell(index) {
+                Cell::Halved { axis, at, upper } => {
+                    index = if p[usize::from(axis)] < at { index + 1 } else { upper };
+                }
+                cell => return cell,
+            }
+        }
+    }
+
+    /// Returns a set of tokens that say nothing; with an operation, all within it.
     pub(crate) fn silent(&self, set: u32) -> &[u64] {
         let words = self.tokens.div_ceil(64);
         &self.silent[set as usize * words..][..words]
@@ -84,9 +99,9 @@ impl Cells {
         self.tokens
     }
 
-    /// Whether cells hold for a ray whose coordinates may be off by `error`.
-    pub(crate) fn hold(&self, error: DVec3) -> bool {
-        4.0 * error.max_element() <= self.margin
+    /// Whether cells hold for places that may be off by `error` along each axis.
+    pub(crate) fn hold(&self, error: f64) -> bool {
+        4.0 * error < self.margin
     }
 
     /// Returns the memory held, bytes.
@@ -182,52 +197,47 @@ mod tests {
         FreeForm::with_origin(centre, Quadric::sphere(DVec3::ZERO, radius).unwrap(), Vec::new()).unwrap().into()
     }
 
+    fn cells_of(solid: &Solid) -> &Cells {
+        solid.plan.cells(0, &solid.tokens, &solid.forms).expect("a blend")
+    }
+
     #[test]
     fn cells_are_what_they_say() {
         let balls = |z: f64| (0..6).map(|k| ball(DVec3::new(f64::from(k % 3), f64::from(k / 3), z), 0.6)).collect();
         let sheet = Solid::union(Psi::Blend { width: 0.7 }, balls(0.0)).unwrap();
         let blend = Solid::difference(Psi::Blend { width: 0.3 }, vec![sheet, ball(DVec3::new(1.0, 0.4, 0.5), 0.4)]);
         let solid = blend.unwrap();
-        let cells = &solid.plan.cells[0];
+        let cells = cells_of(&solid);
         let extent = solid.plan.boxes.extent(0);
         let (mut sides, mut surfaces, mut silent_parts) = ([0, 0], 0, 0);
         for k in 0..20_000_u32 {
             let share = DVec3::new(0.754_877, 0.569_84, 0.327_78) * f64::from(k);
             let p = extent.min + (extent.max - extent.min) * share.fract();
             let at_home = p - solid.forms[0].origin();
-            let mut index = 0;
-            let cell = loop {
-                match cells.cell(index) {
-                    Cell::Halved { axis, at, upper } => {
-                        index = if at_home[usize::from(axis)] < at { index + 1 } else { upper };
-                    }
-                    cell => break cell,
-                }
-            };
             let value = solid.value(p);
-            match cell {
+            let silent = match cells.at(at_home) {
                 Cell::Side { inside } => {
                     sides[usize::from(inside)] += 1;
                     assert_eq!(value > 0.0, inside, "{value} at {p}");
+                    continue;
                 }
-                Cell::Surface { silent } => {
-                    let mut set = Silent::none(solid.tokens.len());
-                    set.reset(cells.silent(silent));
-                    silent_parts += set.top()[0].count_ones();
-                    let forms: Vec<usize> =
-                        (0..solid.tokens.len()).filter(|token| solid.tokens[*token] == Token::Form).collect();
-                    let exact = |token: usize| {
-                        let form = forms.iter().position(|other| *other == token).expect("a form");
-                        Range::exactly(solid.forms[form].value(p))
-                    };
-                    let range = Evaluation { tokens: &solid.tokens, silent: &mut set, marks: false, leaf: exact }
-                        .whole::<Range>();
-                    assert!(range.lo <= value && value <= range.hi, "{value} in {range:?} without the silent parts");
-                    assert!(range.hi - range.lo < 1e-14, "{range:?} is one number");
-                    surfaces += 1;
-                }
-                Cell::Halved { .. } => unreachable!("the loop goes on there"),
-            }
+                Cell::Surface { silent } => cells.silent(silent),
+                Cell::Halved { .. } => unreachable!("it has no halves"),
+            };
+            let mut set = Silent::none(solid.tokens.len());
+            set.reset(silent);
+            silent_parts += set.top()[0].count_ones();
+            let forms: Vec<usize> =
+                (0..solid.tokens.len()).filter(|token| solid.tokens[*token] == Token::Form).collect();
+            let exact = |token: usize| {
+                let form = forms.iter().position(|other| *other == token).expect("a form");
+                Range::exactly(solid.forms[form].value(p))
+            };
+            let range =
+                Evaluation { tokens: &solid.tokens, silent: &mut set, marks: false, leaf: exact }.whole::<Range>();
+            assert!(range.lo <= value && value <= range.hi, "{value} in {range:?} without the silent parts");
+            assert!(range.hi - range.lo < 1e-14, "{range:?} is one number");
+            surfaces += 1;
         }
         assert!(sides[0] > 2000 && sides[1] > 500, "most of the box is decided: {sides:?}");
         assert!(silent_parts > 4 * surfaces, "and few parts have a say in the rest: {silent_parts} of {surfaces}");
@@ -239,7 +249,7 @@ mod tests {
             || FreeForm::new(Quadric::new([0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]).unwrap(), Vec::new());
         let parts = vec![slab().unwrap().into(), slab().unwrap().into()];
         let solid = Solid::union(Psi::Blend { width: 0.5 }, parts).unwrap();
-        assert!(matches!(solid.plan.cells[0].cells[..], [Cell::Surface { silent: 0 }]));
-        assert!(!solid.plan.cells[0].hold(DVec3::splat(1e-300)), "and no ray takes it");
+        assert!(matches!(cells_of(&solid).cells[..], [Cell::Surface { silent: 0 }]));
+        assert!(!cells_of(&solid).hold(0.0), "and no ray takes it");
     }
 }

@@ -6,6 +6,8 @@
 //! A unit matters in the box of its inside, and there only where no operation above it is decided by another part: what is taken
 //! away matters in the box of what it is taken from.
 
+use std::sync::OnceLock;
+
 use crate::{
     FreeForm, Operation,
     bounds::Extent,
@@ -22,8 +24,8 @@ const FIRST: i64 = 1 << 32;
 pub(crate) struct Unit {
     /// Where its subtree begins.
     pub(crate) place: Place,
-    /// The cells of a blend; none of a single form.
-    pub(crate) cells: Option<u32>,
+    /// The place of its cells, if it is a blend.
+    cells: Option<u32>,
     /// Whether the whole is inside where the unit is not: under an odd number of complements.
     pub(crate) flipped: bool,
     /// The operation that it is a part of, if any, and what it adds to the count of that.
@@ -66,8 +68,8 @@ pub(crate) struct Plan {
     pub(crate) is_union: bool,
     /// Where each unit matters.
     pub(crate) boxes: Boxes,
-    /// Where each blend has its surface.
-    pub(crate) cells: Vec<Cells>,
+    /// Where each blend has its surface; found when the first ray asks, for most trees are parts of others before.
+    cells: Vec<OnceLock<Cells>>,
 }
 
 /// What is handed down to a part.
@@ -110,13 +112,22 @@ impl Plan {
         self.nodes.first().is_some_and(|top| top.is_inside(self.rest[0]))
     }
 
-    /// Returns the memory held, bytes.
+    /// Returns the cells of a blend, given all tokens and forms of the solid.
+    pub(crate) fn cells(&self, unit: u32, tokens: &[Token], forms: &[FreeForm]) -> Option<&Cells> {
+        let Unit { place, cells, .. } = self.units[unit as usize];
+        let cut = || {
+            let end = place.after(tokens);
+            Cells::new(&tokens[place.token..end.token], &forms[place.form..end.form], self.boxes.extent(unit))
+        };
+        cells.map(|cells| self.cells[cells as usize].get_or_init(cut))
+    }
+
+    /// Returns the memory held, bytes; cells apart.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&self.units[..])
             + size_of_val(&self.nodes[..])
             + size_of_val(&self.rest[..])
             + self.boxes.memory_bytes()
-            + self.cells.iter().map(Cells::memory_bytes).sum::<usize>()
     }
 
     /// Adds the subtree at `place`, which is left behind it.
@@ -137,8 +148,7 @@ impl Plan {
                 let extent = extent.intersection(&whole(start));
                 *place = start.after(tokens);
                 let cells = (token != Token::Form).then(|| {
-                    let forms = &forms[start.form..place.form];
-                    self.cells.push(Cells::new(&tokens[start.token..place.token], forms, &extent));
+                    self.cells.push(OnceLock::new());
                     u32::try_from(self.cells.len() - 1).expect("tokens are numbered in 32 bits")
                 });
                 extents.push(extent);

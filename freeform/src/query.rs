@@ -75,12 +75,10 @@ impl Solid {
 
     fn walk_unit(&self, unit: u32, ray: &Ray, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) -> Walked {
         let visit = |crossing| visit(Crossing { part: unit, ..crossing });
-        match self.plan.units[unit as usize] {
-            Unit { place, cells: None, .. } => walk(&self.forms[place.form], ray, visit),
-            Unit { place, cells: Some(cells), .. } => {
-                let extent = self.plan.boxes.extent(unit);
-                blend::walk(self, place, (extent, &self.plan.cells[cells as usize]), ray, visit)
-            }
+        let Unit { place, .. } = self.plan.units[unit as usize];
+        match self.plan.cells(unit, &self.tokens, &self.forms) {
+            None => walk(&self.forms[place.form], ray, visit),
+            Some(cells) => blend::walk(self, place, (self.plan.boxes.extent(unit), cells), ray, visit),
         }
     }
 

@@ -68,7 +68,8 @@ impl Range {
 
     #[inline]
     pub(crate) fn positive_part(self) -> Self {
-        Self { lo: self.lo.max(0.0), hi: self.hi.max(0.0) }
+        // What overflowed to no number may be anything.
+        Self { lo: self.lo.max(0.0), hi: if self.hi.is_nan() { f64::INFINITY } else { self.hi.max(0.0) } }
     }
 
     #[inline]

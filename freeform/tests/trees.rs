@@ -391,3 +391,33 @@ fn what_cannot_be_is_refused() {
     refused(&format!("union(blend -1, {form})"), 1, "out of range");
     refused(&"complement(\n".repeat(1_000_000), DEPTH_LIMIT + 1, "deeper");
 }
+
+#[test]
+fn a_start_on_the_surface_of_a_blend_is_no_hit_whatever_cell_it_is_in() {
+    // The ball's half x < -u: its flat face is two roundings from the start, and the border of two cells lies between.
+    let (home, u) = (DVec3::new(1000.0, 0.0, 0.0), 1000f64.next_up() - 1000.0);
+    let form = |quadric: Quadric| FreeForm::with_origin(home, quadric, vec![]).unwrap().into();
+    let plane = Quadric::new([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, u]).unwrap();
+    let parts = vec![form(Quadric::sphere(DVec3::ZERO, 1.0).unwrap()), form(plane)];
+    let half = Solid::difference(Psi::Blend { width: 0.1 }, parts).unwrap();
+    let ray = Ray::new(DVec3::new(1000.0 + u, 0.3, 0.2), DVec3::NEG_X);
+    let hit = half.first_hit(&ray).expect("the round side");
+    assert!(!hit.entering && hit.t > 0.5, "{hit:?}");
+    // And from outside both faces are met.
+    let both = Ray::new(DVec3::new(1002.0, 0.3, 0.2), DVec3::NEG_X);
+    let inside = intervals(&half, &both);
+    assert_eq!(inside.len(), 1, "{inside:?}");
+    assert!((inside[0].t_in - 2.0).abs() < 1e-9 && inside[0].t_out > 2.5, "{inside:?}");
+}
+
+#[test]
+fn a_blend_is_met_by_rays_that_aim_at_its_origin() {
+    // The nearest point of such a ray to the origin is rounding alone, and no measure of anything.
+    let parts = vec![ball(DVec3::ZERO, 1.0), ball(DVec3::new(0.1, 0.0, 0.0), 0.3)];
+    let solid = Solid::union(Psi::Blend { width: 0.1 }, parts).unwrap();
+    for x in 1..12 {
+        let origin = DVec3::new(5.0, f64::from(x), 3.0);
+        let hit = solid.first_hit(&Ray::new(origin, -origin.normalize())).expect("it aims at the middle");
+        assert!(hit.entering && (hit.t - origin.length() + 1.0).abs() < 1e-12, "{hit:?} from {origin}");
+    }
+}
