@@ -1,6 +1,7 @@
 //! The crossings that the crate finds are those of exact arithmetic: none missed, none invented.
 //!
-//! 10^5 rays by default, and 2 10^4 through trees; `FREEFORM_PARITY_RAYS=10000000` runs the full count of either.
+//! 10^5 rays by default, and 2 10^4 through trees; `FREEFORM_PARITY_RAYS=10000000` runs the full count of either, and `FREEFORM_PARITY_FROM=4500000` those of
+//! single forms from there on, for a run that was broken off.
 
 mod oracle;
 mod tree_parity;
@@ -234,8 +235,9 @@ impl Tally {
 #[test]
 #[expect(clippy::print_stderr, reason = "the counts are the result; the test harness shows them on request")]
 fn parity_matches_exact_arithmetic() {
-    let rays: u64 = std::env::var("FREEFORM_PARITY_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000);
-    let forms = rays.div_ceil(RAYS_A_FORM);
+    let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
+    let rays = number("FREEFORM_PARITY_RAYS").unwrap_or(100_000);
+    let forms = number("FREEFORM_PARITY_FROM").unwrap_or(0) / RAYS_A_FORM..rays.div_ceil(RAYS_A_FORM);
     let threads = std::thread::available_parallelism().map_or(1, |n| u64::try_from(n.get()).expect("few"));
     let part = |forms: Range<u64>| {
         std::thread::scope(|scope| {
@@ -252,9 +254,9 @@ fn parity_matches_exact_arithmetic() {
         })
     };
     let forms_a_report = RAYS_A_REPORT / RAYS_A_FORM;
-    let tally = (0..forms.div_ceil(forms_a_report)).fold(Tally::default(), |tally, number| {
-        let first = number * forms_a_report;
-        let last = forms.min(first + forms_a_report);
+    let starts = forms.clone().step_by(usize::try_from(forms_a_report).expect("few"));
+    let tally = starts.fold(Tally::default(), |tally, first| {
+        let last = forms.end.min(first + forms_a_report);
         let part = part(first..last);
         for (index, ray, found, counted) in &part.failures {
             eprintln!("form {index}: {ray:?}: found {found:?}, exact {counted:?}");

@@ -101,7 +101,7 @@ const FILTERING: f64 = 4e-4;
 ///
 /// The error of a block comes from the spread of its pixels over the pictures and from the variance of the reference. With
 /// k pictures and blocks of b pixels it has about (k - 1) b degrees of freedom, so that z is nearly normal if the tails are not heavy. Blocks
-/// through which the sky is seen have hardly any spread; what two renderers make of its texels differs there, for which [`FILTERING`] allows.
+/// through which the sky is seen have hardly any spread; what two renderers make of its texels differs there, for which `FILTERING` allows.
 #[derive(Debug, Clone, Copy)]
 pub struct Blocks {
     /// Largest |z| over all blocks and channels.
