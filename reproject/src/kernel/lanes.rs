@@ -127,22 +127,17 @@ fn max(a: f32, b: f32) -> f32 {
 /// The first centre at or above x: its ceiling in [0, scale].
 #[inline(always)]
 fn first_centre(x: f32, scale: f32) -> u32 {
-    /// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits.
-    const ROUND: f32 = 8_388_608.0;
-    let x = min(max(x, 0.0), scale);
-    let shifted = x + ROUND;
-    let up = u32::from(shifted - ROUND < x);
-    (shifted.to_bits() & 0x7f) + up
+    first_centre_inside(min(max(x, 0.0), scale))
 }
 
 /// [`first_centre`] of a crossing with an edge in the square: at most rounding outside of it, so that nothing need be cut off.
 #[inline(always)]
 fn first_centre_inside(x: f32) -> u32 {
-    /// Between 2^23 and 2^24, as `ROUND` there, but far enough from either end for numbers below 0 too.
+    /// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also below 0, and leaves that in the low bits.
     const ROUND: f32 = 12_582_912.0;
     let shifted = x + ROUND;
     let up = u32::from(shifted - ROUND < x);
-    (shifted.to_bits() & 0x7f) + up
+    (shifted.to_bits() + up) & 0x7f
 }
 
 /// The rows of 16 quadrilaterals with corners in the square, from the first row of each on.
@@ -205,6 +200,21 @@ fn spans<W: Word>(
         for e in 0..LANES {
             for r in LOW..KEPT {
                 rows[e][r] = by_row[r][e];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_centre_inside_is_the_ceiling_and_0_for_what_rounding_puts_below() {
+        for k in -8..=64 * 16i16 {
+            let x = f32::from(k) / 16.0;
+            for x in [x.next_down(), x, x.next_up()] {
+                assert_eq!(first_centre_inside(x) as f32, x.ceil().max(0.0), "of {x}");
             }
         }
     }
