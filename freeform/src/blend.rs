@@ -25,12 +25,12 @@ use crate::{
     psi::Slope,
     range::{Range, RangeSlope},
     trace::{Local, Walked, Walker},
-    tree::{Place, Token},
+    tree::{Place, Token, form_tokens},
 };
 
 /// Halvings before a stretch counts as a point: more than the 53 bits of a number, and some to come down from `ENDLESS`.
 const DEPTH_MAX: u32 = 100;
-/// Stretches that a ray may be cut into. A transversal root takes about 20, a tangent one 200; a ray within the surface would take for ever.
+/// Stretches that a ray may be cut into. Few take more than a handful, one that touches the surface 200; a ray within the surface would take for ever.
 const STRETCHES_MAX: u32 = 20_000;
 /// A stretch of fewer rounding steps is not halved further.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
@@ -233,10 +233,9 @@ impl Isolation<'_> {
         let Function { tokens, leaves } = &mut self.function;
         leaves.resize_with(tokens.len(), || None);
         let forms = &self.solid.forms[self.place.form..];
-        let form_tokens = tokens.iter().zip(leaves).enumerate().filter(|(_, (token, _))| **token == Token::Form);
-        for ((token, (_, leaf)), form) in form_tokens.zip(forms) {
-            if leaf.is_none() && !self.silent.holds(token) {
-                *leaf = Some(Leaf::new(form, self.ray, self.local, self.ends));
+        for (token, form) in form_tokens(tokens).zip(forms) {
+            if leaves[token].is_none() && !self.silent.holds(token) {
+                leaves[token] = Some(Leaf::new(form, self.ray, self.local, self.ends));
             }
         }
     }

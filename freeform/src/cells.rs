@@ -13,7 +13,7 @@ use crate::{
     bounds::Extent,
     evaluation::{Evaluation, Silent},
     range::Range,
-    tree::Token,
+    tree::{Token, form_tokens},
 };
 
 /// Times that the box is halved: 2048 cells for 8 forms or more, half as many for each halving of that, for fewer forms gain less by them.
@@ -52,13 +52,10 @@ impl Cells {
         let mut cells = Self { cells: Vec::new(), silent: Vec::new(), tokens: tokens.len(), margin: 0.0 };
         if extent.is_finite() {
             cells.margin = MARGIN * (extent.max - extent.min).max_element();
-            let count = forms.len();
-            let mut numbers = 0_usize..;
-            let number = |token: &Token| if *token == Token::Form { numbers.next() } else { None };
-            let forms = tokens.iter().map(number).map(|number| number.map_or(&forms[0], |number| &forms[number]));
-            let levels = LEVELS.min(LEVELS_OF_ONE + count.ilog2());
-            let mut cutter =
-                Cutter { tokens, forms: forms.collect(), home, levels, silent: Silent::none(tokens.len()), cells };
+            let levels = LEVELS.min(LEVELS_OF_ONE + forms.len().ilog2());
+            let mut form_at = vec![None; tokens.len()];
+            form_tokens(tokens).zip(forms).for_each(|(token, form)| form_at[token] = Some(form));
+            let mut cutter = Cutter { tokens, form_at, home, levels, silent: Silent::none(tokens.len()), cells };
             cutter.cut(&extent, 0);
             cells = cutter.cells;
             cells.cells.shrink_to_fit();
@@ -114,7 +111,7 @@ impl Cells {
 struct Cutter<'a> {
     tokens: &'a [Token],
     /// For each token that is a form, that form.
-    forms: Vec<&'a FreeForm>,
+    form_at: Vec<Option<&'a FreeForm>>,
     home: DVec3,
     levels: u32,
     silent: Silent,
@@ -151,9 +148,9 @@ impl Cutter<'_> {
     fn value(&mut self, extent: &Extent) -> Range {
         let middle = 0.5 * (extent.min + extent.max);
         let half = 0.5 * (extent.max - extent.min) + self.cells.margin;
-        let (forms, home) = (&self.forms, self.home);
+        let (form_at, home) = (&self.form_at, self.home);
         let leaf = |token: usize| {
-            let form = forms[token];
+            let form = form_at[token].expect("a form");
             let apart = home - form.origin();
             let p = middle + apart;
             let h = half + f64::EPSILON * (middle.abs() + home.abs() + form.origin().abs() + p.abs());
@@ -227,10 +224,8 @@ mod tests {
             let mut set = Silent::none(solid.tokens.len());
             set.reset(silent);
             silent_parts += set.top()[0].count_ones();
-            let forms: Vec<usize> =
-                (0..solid.tokens.len()).filter(|token| solid.tokens[*token] == Token::Form).collect();
             let exact = |token: usize| {
-                let form = forms.iter().position(|other| *other == token).expect("a form");
+                let form = form_tokens(&solid.tokens).position(|other| other == token).expect("a form");
                 Range::exactly(solid.forms[form].value(p))
             };
             let range =

@@ -87,17 +87,22 @@ impl Quadric {
         }
     }
 
+    /// Returns the quadric of the absolute coefficients: at absolute places it sums absolute terms.
+    #[inline]
+    fn weights(&self) -> Self {
+        Self { coefficients: self.coefficients.map(f64::abs) }
+    }
+
     /// Returns the sum of the absolute terms of Q(p + s d) as a polynomial in |s|; rounding errors of the value are shares of it.
     #[inline]
     pub(crate) fn weight_along(&self, p: DVec3, d: DVec3) -> Quadratic {
-        Self { coefficients: self.coefficients.map(f64::abs) }.along(p.abs(), d.abs())
+        self.weights().along(p.abs(), d.abs())
     }
 
     /// Returns by how much the coefficients of Q(p + s d) change where p moves by `step`, at most: the sums of the absolute terms. `a` does not change.
     #[inline]
     pub(crate) fn weight_moved(&self, p: DVec3, d: DVec3, step: DVec3) -> Quadratic {
-        let weights = Self { coefficients: self.coefficients.map(f64::abs) };
-        let step = step.abs();
+        let (weights, step) = (self.weights(), step.abs());
         Quadratic { a: 0.0, b: weights.pull(d.abs()).dot(step), c: weights.gradient(p.abs()).dot(step) }
     }
 
@@ -106,7 +111,7 @@ impl Quadric {
         /// At most 32 roundings of half a step, in sums of absolute terms that add up to less than four times the weight.
         const ROUNDING: f64 = 64.0 * f64::EPSILON;
         let [a11, a22, a33, a12, a13, a23, ..] = self.coefficients;
-        let weight = Self { coefficients: self.coefficients.map(f64::abs) }.value(p.abs() + h);
+        let weight = self.weights().value(p.abs() + h);
         let (squares, diagonal) = (h * h, DVec3::new(a11, a22, a33));
         let mixed = (a12 * h.x * h.y).abs() + (a13 * h.x * h.z).abs() + (a23 * h.y * h.z).abs();
         let (value, linear) = (self.value(p), self.gradient(p).abs().dot(h));
@@ -119,7 +124,7 @@ impl Quadric {
 
     /// Returns the sums of the absolute terms of the three derivatives at `p`.
     pub(crate) fn gradient_weight(&self, p: DVec3) -> DVec3 {
-        Self { coefficients: self.coefficients.map(f64::abs) }.gradient(p.abs())
+        self.weights().gradient(p.abs())
     }
 
     /// Returns the quadric of the solid moved by `transform`: Q'(x) = Q(inverse(transform) x).

@@ -81,6 +81,11 @@ impl Place {
     }
 }
 
+/// Returns where the forms stand among the tokens, in their order.
+pub(crate) fn form_tokens(tokens: &[Token]) -> impl Iterator<Item = usize> {
+    tokens.iter().enumerate().filter(|(_, token)| **token == Token::Form).map(|(token, _)| token)
+}
+
 /// Checks an operation on `counts.len()` parts of so many tokens each.
 pub(crate) fn join(operation: Operation, psi: Psi, counts: impl Iterator<Item = usize>) -> Result<Join, FormError> {
     let psi = psi.checked()?;

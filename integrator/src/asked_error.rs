@@ -183,8 +183,7 @@ impl Passes {
     fn measure(&self) -> Measure {
         let picture = self.film.picture();
         let size = self.film.size;
-        let finite = picture.iter().filter(|pixel| pixel.is_finite());
-        let floor_sq = metrics::floor_sq(finite.map(|pixel| pixel.as_dvec3().element_sum() / 3.0).collect());
+        let floor_sq = metrics::floor_sq(metrics::finite_means(&picture));
         let weight = f64::from(self.weight);
         let alike = weight * weight / self.weight_sq;
         let mean: Vec<f32> = picture.into_iter().map(grey).collect();

@@ -15,8 +15,8 @@ pub use difference::{DIFFERENCE_RANGE, signed_difference};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, ldr_flip};
 pub use ratio::{RatioOfMeans, ratio_of_means};
 pub use reference::{Batches, Reference};
-pub(crate) use rel_mse::floor_sq;
 pub use rel_mse::{RelMse, exposure, rel_mse};
+pub(crate) use rel_mse::{finite_means, floor_sq};
 
 /// A borrowed picture: linear RGB, rows from the top, `size.x * size.y` pixels.
 #[derive(Debug, Clone, Copy)]

@@ -5,6 +5,8 @@
 //! relMSE = mean over pixels and channels of (e I - e R)^2 / ((e R)^2 + 0.01)
 //! ```
 
+use glam::Vec3;
+
 use super::{Image, MetricsError, finite_pairs, same_size};
 
 /// Keeps black pixels from ruling the mean: a tenth of full scale, squared.
@@ -67,13 +69,12 @@ pub(super) fn summary(mut errors: Vec<f64>) -> Result<(f64, f64), MetricsError> 
 /// # Errors
 /// When no pixel is finite.
 pub fn exposure(reference: &Image) -> Result<f64, MetricsError> {
-    let means = reference
-        .pixels()
-        .iter()
-        .filter(|pixel| pixel.is_finite())
-        .map(|pixel| pixel.as_dvec3().element_sum() / 3.0)
-        .collect();
-    exposure_of(means).ok_or(MetricsError::NothingFinite)
+    exposure_of(finite_means(reference.pixels())).ok_or(MetricsError::NothingFinite)
+}
+
+/// The means of R, G and B of the finite pixels.
+pub(crate) fn finite_means(pixels: &[Vec3]) -> Vec<f64> {
+    pixels.iter().filter(|pixel| pixel.is_finite()).map(|pixel| pixel.as_dvec3().element_sum() / 3.0).collect()
 }
 
 /// What keeps dark pixels from ruling relative errors, in the units of finite pixels with these means m of R, G and B: m^2 and this are the denominator

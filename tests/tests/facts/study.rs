@@ -50,7 +50,7 @@ fn path_has_no_bias() {
     assert_unbiased("cornell", 4, 4, 16);
     if is_full() {
         assert_unbiased("cornell", 4, 64, 8);
-        // Gloss in gloss and windows have heavy tails: fewer samples give blocks of pixels with too small a spread.
+        // Gloss in gloss has heavy tails: fewer samples give blocks of pixels with too small a spread.
         assert_unbiased("cornell-glossy", 8, 128, 8);
         assert_unbiased("atrium-env", 8, 256, 8);
     }
