@@ -2,12 +2,12 @@
 
 use std::ops::{BitOr, Range};
 
-use glam::{Vec2, Vec3A};
+use glam::Vec3A;
 use serde::{Deserialize, Serialize};
 
 use crate::merge::{Block, MergeSettings, merge};
 use crate::silhouette::{plane_distance, silhouettes};
-use crate::{Samples, depth_layers};
+use crate::{MAX_RESOLUTION, Samples, depth_layers};
 
 /// The arrays of [`Elements`] are padded to a multiple of this, with elements of no area.
 pub const LANES: usize = 16;
@@ -84,7 +84,8 @@ impl Elements {
         let n = samples.resolution();
         let mut layer_of = vec![0; n * n];
         depth_layers(&samples.distance, layers, &mut layer_of);
-        let mut blocks = merge(samples, &layer_of, settings);
+        let grid = Grid::new(samples);
+        let mut blocks = merge(samples, &grid.points, &layer_of, settings);
         // Stable, so that the order inside a layer is that of the texels.
         blocks.sort_by_key(|b| b.layer);
         let mut layer_starts = vec![0; layers + 1];
@@ -94,7 +95,6 @@ impl Elements {
         for layer in 0..layers {
             layer_starts[layer + 1] += layer_starts[layer];
         }
-        let texel_sides = silhouettes(samples);
         let padded = blocks.len().next_multiple_of(LANES);
         let zeros = || vec![0.0; padded];
         let mut elements = Self {
@@ -111,7 +111,7 @@ impl Elements {
             layer_starts,
         };
         for (e, block) in blocks.iter().enumerate() {
-            elements.fill(e, block, samples, &texel_sides);
+            elements.fill(e, block, &grid);
         }
         elements
     }
@@ -159,7 +159,8 @@ impl Elements {
             + self.layer_starts.len() * 4
     }
 
-    fn fill(&mut self, e: usize, block: &Block, samples: &Samples, texel_sides: &[Sides]) {
+    fn fill(&mut self, e: usize, block: &Block, grid: &Grid) {
+        let samples = grid.samples;
         let n = samples.resolution();
         let [i0, j0] = block.start.map(usize::from);
         let [w, h] = block.size.map(usize::from);
@@ -168,9 +169,7 @@ impl Elements {
             .fold((f32::INFINITY, 0.0f32), |(lo, hi), t| (lo.min(samples.distance[t]), hi.max(samples.distance[t])));
         let corners = [(i0, j0), (i0 + w, j0), (i0 + w, j0 + h), (i0, j0 + h)];
         for (k, (i, j)) in corners.into_iter().enumerate() {
-            let uv = Vec2::new(i as f32, j as f32) / n as f32;
-            let range = distances_around(samples, block, (i, j), range);
-            let corner = corner_point(hemimap::square_to_cosine_hemisphere(uv), block, range);
+            let corner = grid.corner_point(block, (i, j), range);
             self.x[k][e] = corner.x;
             self.y[k][e] = corner.y;
             self.z[k][e] = corner.z;
@@ -188,7 +187,7 @@ impl Elements {
         self.start[e] = block.start;
         self.size[e] = block.size;
         self.view_dependent[e] = block.view_dependent;
-        self.sides[e] = element_sides(texel_sides, n, [i0, j0], [w, h]);
+        self.sides[e] = element_sides(&grid.sides, n, [i0, j0], [w, h]);
     }
 }
 
@@ -197,41 +196,67 @@ fn narrow(share: f64) -> f32 {
     share as f32
 }
 
-/// The range of the distances of the block and of the texels around a grid point that lie on its plane.
-fn distances_around(
-    samples: &Samples,
-    block: &Block,
-    (i, j): (usize, usize),
-    (nearest, farthest): (f32, f32),
-) -> (f32, f32) {
-    /// Off the plane by less than this share of the distance, a texel runs on from the block.
-    const ON_PLANE: f32 = 0.05;
-    let n = samples.resolution();
-    let around = [(i.wrapping_sub(1), j.wrapping_sub(1)), (i, j.wrapping_sub(1)), (i.wrapping_sub(1), j), (i, j)];
-    let texels = around.into_iter().filter(|&(x, y)| x < n && y < n).map(|(x, y)| y * n + x);
-    texels.filter(|&texel| samples.distance[texel].is_finite()).fold((nearest, farthest), |(lo, hi), texel| {
-        let distance = samples.distance[texel];
-        let off = block.normal().dot(samples.point(texel) - block.centre()).abs();
-        if off <= ON_PLANE * distance { (lo.min(distance), hi.max(distance)) } else { (lo, hi) }
-    })
+/// What the elements of a record are made of, texel by texel.
+struct Grid<'a> {
+    samples: &'a Samples,
+    /// See [`Samples::points`].
+    points: Vec<Vec3A>,
+    sides: Vec<Sides>,
+    /// Directions through the `(n + 1) x (n + 1)` corners of texels.
+    corners: Vec<Vec3A>,
 }
 
-/// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity.
-///
-/// The plane of a surface that curves away, or of one seen at a grazing angle, runs far beyond it, so the distance stays within those
-/// that rays found around the corner. Elements that reach farther would cover too much once the point moves.
-fn corner_point(direction: Vec3A, block: &Block, (nearest, farthest): (f32, f32)) -> Vec3A {
-    /// A little room for what lies between the rays.
-    const STRETCH: f32 = 1.1;
-    /// Metres; the square of what is farther is no number of f32, and would make none of what is computed from it.
-    const FARTHEST: f32 = 1e15;
-    if block.is_infinite() {
-        return direction;
+impl<'a> Grid<'a> {
+    fn new(samples: &'a Samples) -> Self {
+        let n = samples.resolution();
+        let points = samples.points();
+        let sides = silhouettes(samples, &points);
+        let coordinates: Vec<f32> = (0..=n).map(|i| i as f32 / n as f32).collect();
+        let mut corners = Vec::with_capacity((n + 1) * (n + 1));
+        let [mut x, mut y, mut z] = [[0.0; MAX_RESOLUTION + 1]; 3];
+        for &v in &coordinates {
+            let row = [v; MAX_RESOLUTION + 1];
+            let (x, y, z) = (&mut x[..=n], &mut y[..=n], &mut z[..=n]);
+            hemimap::square_to_cosine_hemisphere_slice(&coordinates, &row[..=n], x, y, z);
+            corners.extend((0..=n).map(|i| Vec3A::new(x[i], y[i], z[i])));
+        }
+        Self { samples, points, sides, corners }
     }
-    // Where there is no normal, the element faces the record.
-    let normal = block.normal();
-    let t = if normal == Vec3A::ZERO { farthest } else { plane_distance(block.centre(), normal, direction) };
-    direction * t.clamp(nearest / STRETCH, farthest * STRETCH).min(FARTHEST)
+
+    /// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity. `range` is that of the
+    /// distances of the block.
+    ///
+    /// The plane of a surface that curves away, or of one seen at a grazing angle, runs far beyond it, so the distance stays within those
+    /// that rays found around the corner. Elements that reach farther would cover too much once the point moves.
+    fn corner_point(&self, block: &Block, (i, j): (usize, usize), range: (f32, f32)) -> Vec3A {
+        /// A little room for what lies between the rays.
+        const STRETCH: f32 = 1.1;
+        /// Metres; the square of what is farther is no number of f32, and would make none of what is computed from it.
+        const FARTHEST: f32 = 1e15;
+        let direction = self.corners[j * (self.samples.resolution() + 1) + i];
+        if block.is_infinite() {
+            return direction;
+        }
+        let (centre, normal) = (block.centre(), block.normal());
+        let (nearest, farthest) = self.distances_around(centre, normal, (i, j), range);
+        // Where there is no normal, the element faces the record.
+        let t = if normal == Vec3A::ZERO { farthest } else { plane_distance(centre, normal, direction) };
+        direction * t.clamp(nearest / STRETCH, farthest * STRETCH).min(FARTHEST)
+    }
+
+    /// Widens the range of the distances of a block by those of the texels around a corner that lie on its plane.
+    fn distances_around(&self, centre: Vec3A, normal: Vec3A, (i, j): (usize, usize), range: (f32, f32)) -> (f32, f32) {
+        /// Off the plane by less than this share of the distance, a texel runs on from the block.
+        const ON_PLANE: f32 = 0.05;
+        let n = self.samples.resolution();
+        let around = [(i.wrapping_sub(1), j.wrapping_sub(1)), (i, j.wrapping_sub(1)), (i.wrapping_sub(1), j), (i, j)];
+        let texels = around.into_iter().filter(|&(x, y)| x < n && y < n).map(|(x, y)| y * n + x);
+        texels.filter(|&texel| self.samples.distance[texel].is_finite()).fold(range, |(lo, hi), texel| {
+            let distance = self.samples.distance[texel];
+            let off = normal.dot(self.points[texel] - centre).abs();
+            if off <= ON_PLANE * distance { (lo.min(distance), hi.max(distance)) } else { (lo, hi) }
+        })
+    }
 }
 
 /// A side of an element is a silhouette if it is one for any of the texels along it.

@@ -91,13 +91,13 @@ impl Block {
     }
 }
 
-/// Divides the texels into blocks: each texel is in exactly one. `layers` holds the depth layer of each texel.
+/// Divides the texels into blocks: each texel is in exactly one. `points` and `layers` hold what each texel met and its depth layer.
 ///
 /// A pass along the rows merges each block with its right neighbour of the same rows, once; then a pass along the columns does
 /// the same downwards. Sides so double from pass to pass and blocks stay compact. Ends when neither pass merges anything.
-pub(crate) fn merge(samples: &Samples, layers: &[u8], settings: &MergeSettings) -> Vec<Block> {
+pub(crate) fn merge(samples: &Samples, points: &[Vec3A], layers: &[u8], settings: &MergeSettings) -> Vec<Block> {
     let n = samples.resolution();
-    let mut blocks: Vec<Block> = (0..n * n).map(|texel| single(samples, layers, texel)).collect();
+    let mut blocks: Vec<Block> = (0..n * n).map(|texel| single(samples, points, layers, texel)).collect();
     // The block that holds each texel.
     let mut owner: Vec<u16> = (0..n * n).map(|texel| u16::try_from(texel).expect("n <= 64")).collect();
     let mut dead = vec![false; n * n];
@@ -113,7 +113,7 @@ pub(crate) fn merge(samples: &Samples, layers: &[u8], settings: &MergeSettings) 
     blocks
 }
 
-fn single(samples: &Samples, layers: &[u8], texel: usize) -> Block {
+fn single(samples: &Samples, points: &[Vec3A], layers: &[u8], texel: usize) -> Block {
     let n = samples.resolution();
     let to_u8 = |x: usize| u8::try_from(x).expect("n <= 64");
     let l = samples.radiance[texel];
@@ -121,7 +121,7 @@ fn single(samples: &Samples, layers: &[u8], texel: usize) -> Block {
         start: [to_u8(texel % n), to_u8(texel / n)],
         size: [1, 1],
         layer: layers[texel],
-        point_sum: samples.point(texel),
+        point_sum: points[texel],
         normal_sum: samples.normal[texel].into(),
         luminance_sum: (l.x + l.y + l.z) / 3.0,
         infinite: samples.distance[texel].is_infinite(),
@@ -187,7 +187,7 @@ mod tests {
             });
             let mut layers = vec![0; n * n];
             crate::depth_layers(&samples.distance, 8, &mut layers);
-            let blocks = merge(&samples, &layers, &MergeSettings::default());
+            let blocks = merge(&samples, &samples.points(), &layers, &MergeSettings::default());
             let mut covered = vec![0; n * n];
             for b in &blocks {
                 for j in 0..b.size[1] {
@@ -208,7 +208,7 @@ mod tests {
         let samples = Samples::from_fn(32, |wi| (Vec3::ONE, 5.0, -wi));
         let layers = vec![0; 32 * 32];
         let open = MergeSettings { min_normal_cos: -1.0, plane_tolerance: 10.0, ..MergeSettings::default() };
-        let blocks = merge(&samples, &layers, &open);
+        let blocks = merge(&samples, &samples.points(), &layers, &open);
         assert_eq!(blocks.len(), 64, "32 x 32 texels in blocks of 4 x 4");
         assert!(blocks.iter().all(|b| b.size == [4, 4]), "square blocks");
     }
@@ -217,7 +217,7 @@ mod tests {
     fn contrast_keeps_blocks_apart() {
         let samples = Samples::from_fn(8, |wi| (Vec3::splat(if wi.x > 0.0 { 1.0 } else { 0.1 }), f32::INFINITY, -wi));
         let strict = MergeSettings { max_contrast: 0.2, max_side: 8, ..MergeSettings::default() };
-        let blocks = merge(&samples, &[0; 64], &strict);
+        let blocks = merge(&samples, &samples.points(), &[0; 64], &strict);
         for b in &blocks {
             assert!(b.start[0] >= 4 || b.start[0] + b.size[0] <= 4, "no block across the edge of light");
         }

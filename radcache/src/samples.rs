@@ -108,11 +108,14 @@ impl Samples {
         directions
     }
 
-    /// The point that a texel's ray met, relative to the record, in its frame; the bare direction where that is infinitely far.
+    /// The points that the texels' rays met, relative to the record, in its frame; the bare direction where that is infinitely far.
     #[must_use]
-    pub fn point(&self, texel: usize) -> Vec3A {
-        let distance = self.distance[texel];
-        self.direction(texel) * if distance.is_finite() { distance } else { 1.0 }
+    pub fn points(&self) -> Vec<Vec3A> {
+        let mut points = self.directions();
+        for (point, distance) in points.iter_mut().zip(&self.distance) {
+            *point *= if distance.is_finite() { *distance } else { 1.0 };
+        }
+        points
     }
 
     /// Mean of the texels: irradiance / pi.

@@ -11,13 +11,12 @@ use crate::{Samples, Sides};
 /// allows: jitter of the rays and curvature inside a texel stay below it.
 const JUMP: f32 = 0.05;
 
-/// The silhouette sides of each texel, `n x n` as in [`Samples`].
-pub(crate) fn silhouettes(samples: &Samples) -> Vec<Sides> {
+/// The silhouette sides of each texel, `n x n` as in [`Samples`], whose `points` these are.
+pub(crate) fn silhouettes(samples: &Samples, points: &[Vec3A]) -> Vec<Sides> {
     let n = samples.resolution();
-    let points: Vec<Vec3A> = (0..n * n).map(|texel| samples.point(texel)).collect();
     let mut sides = vec![Sides::NONE; n * n];
     let mut edge = |near: usize, far: usize, side: Sides| {
-        if hides(samples, &points, near, far) {
+        if hides(samples, points, near, far) {
             sides[near] = sides[near] | side;
         }
     };
@@ -73,7 +72,7 @@ mod tests {
             let t = plane_distance(normal * -3.0, normal, wi);
             (Vec3::ONE, t, normal)
         });
-        let marked = silhouettes(&slanted);
+        let marked = silhouettes(&slanted, &slanted.points());
         let inside = (0..32 * 32).filter(|&t| slanted.distance[t].is_finite() && marked[t] != Sides::NONE);
         for t in inside {
             // Only where the plane ends at infinity may a side be marked.
@@ -85,7 +84,7 @@ mod tests {
         }
         // A near half-plane x < 0 at height 1 before a far ceiling at 4: the edge runs up the middle.
         let edge = Samples::from_fn(32, |wi| (Vec3::ONE, if wi.x < 0.0 { 1.0 } else { 4.0 } / wi.z, Vec3A::NEG_Z));
-        let marked = silhouettes(&edge);
+        let marked = silhouettes(&edge, &edge.points());
         for (t, &found) in marked.iter().enumerate() {
             let expected = if t % 32 == 15 { Sides::RIGHT } else { Sides::NONE };
             assert_eq!(found, expected, "texel {t}");

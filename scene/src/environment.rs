@@ -6,7 +6,7 @@
 //! ```
 //! The lookup is bilinear with texel centres at column u W - 1/2 (wrapping round) and row v H - 1/2 (clamped).
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -77,10 +77,12 @@ impl Environment {
     #[inline]
     #[must_use]
     pub fn radiance(&self, direction: Vec3A) -> Vec3 {
-        if self.pixels.len() == 1 {
-            return self.pixels[0];
-        }
-        let uv = direction_to_uv(direction);
+        if self.pixels.len() == 1 { self.pixels[0] } else { self.radiance_at(direction_to_uv(direction)) }
+    }
+
+    /// Returns the radiance at a place of the picture that [`direction_to_uv`] gives.
+    #[inline]
+    pub(crate) fn radiance_at(&self, uv: Vec2) -> Vec3 {
         let x = uv.x * self.width as f32 - 0.5;
         let y = (uv.y * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
         let (column, fx) = split(x);
@@ -105,8 +107,35 @@ fn split(x: f32) -> (isize, f32) {
 /// Returns where a unit direction lies in the picture, in [0, 1]^2.
 #[inline]
 pub(crate) fn direction_to_uv(direction: Vec3A) -> Vec2 {
-    let u = direction.x.atan2(-direction.z) / TAU;
+    let u = atan2(direction.x, -direction.z) / TAU;
     // acos loses half the digits near the poles; atan2 does not.
-    let v = Vec2::new(direction.x, direction.z).length().atan2(direction.y) / PI;
+    let v = atan2(Vec2::new(direction.x, direction.z).length(), direction.y) / PI;
     Vec2::new(if u < 0.0 { u + 1.0 } else { u }, v)
+}
+
+/// Returns the angle of (`x`, `y`) from the first axis, in [-pi, pi]; some angle where both are 0. Quicker than the platform's, and the same
+/// bits on all of them.
+#[inline]
+fn atan2(y: f32, x: f32) -> f32 {
+    let (across, along) = (y.abs(), x.abs());
+    let octant = hemimap::atan_unit(across.min(along) / across.max(along).max(f32::MIN_POSITIVE));
+    let quadrant = if across > along { FRAC_PI_2 - octant } else { octant };
+    let half = if x < 0.0 { PI - quadrant } else { quadrant };
+    half.copysign(y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_those_of_the_platform() {
+        for i in 0..10_000 {
+            let exact = f64::from(i) * std::f64::consts::TAU / 10_000.0 - std::f64::consts::PI;
+            let (y, x) = exact.sin_cos();
+            let Vec2 { x, y } = glam::DVec2::new(3.0 * x, 3.0 * y).as_vec2();
+            assert!((atan2(y, x) - y.atan2(x)).abs() < 5e-7, "({x}, {y}): {} instead of {}", atan2(y, x), y.atan2(x));
+        }
+        assert!(atan2(0.0, 0.0).is_finite(), "at a pole");
+    }
 }

@@ -16,10 +16,10 @@ use crate::environment::direction_to_uv;
 #[derive(Debug, Clone)]
 pub(super) struct EnvironmentLight {
     environment: Environment,
-    /// For each row the sums of its cells' shares, `width + 1` numbers from 0 to 1.
-    columns: Vec<f32>,
-    /// Sums of the rows' shares, `height + 1` numbers from 0 to 1.
-    rows: Vec<f32>,
+    /// For each row the sums of its cells' shares.
+    columns: Tables,
+    /// The sums of the rows' shares.
+    rows: Tables,
     /// Cosine of the polar angle at the rows' borders, from 1 to -1.
     cosines: Vec<f32>,
     /// Integral of the radiance over the sphere, W m^-2.
@@ -30,7 +30,7 @@ impl EnvironmentLight {
     /// Makes the table; `None` where everything is black.
     pub(super) fn new(environment: Environment) -> Option<Self> {
         let (width, height) = (environment.width as usize, environment.height as usize);
-        let mut columns = Vec::with_capacity((width + 1) * height);
+        let mut columns = Tables::with_capacity(width, height);
         let mut row_weights = Vec::with_capacity(height);
         let cosines: Vec<f64> =
             (0..=height).map(|row| (std::f64::consts::PI * row as f64 / height as f64).cos()).collect();
@@ -41,10 +41,10 @@ impl EnvironmentLight {
             let sum = means.iter().sum::<DVec3>();
             integral += sum * cell_solid_angle;
             row_weights.push(sum.element_sum() * cell_solid_angle);
-            append_sums(&mut columns, means.iter().map(|mean| mean.element_sum()));
+            columns.append(means.iter().map(|mean| mean.element_sum()));
         }
-        let mut rows = Vec::with_capacity(height + 1);
-        append_sums(&mut rows, row_weights.into_iter());
+        let mut rows = Tables::with_capacity(height, 1);
+        rows.append(row_weights.into_iter());
         let integral = integral.as_vec3();
         let cosines = cosines.into_iter().map(narrow).collect();
         (integral.max_element() > 0.0).then_some(Self { environment, columns, rows, cosines, integral })
@@ -72,25 +72,30 @@ impl EnvironmentLight {
 
     #[inline]
     pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
-        let (row, y) = invert(&self.rows, u.y);
-        let (column, x) = invert(self.row(row), u.x);
+        let (row, y) = self.rows.invert(0, u.y);
+        let (column, x) = self.columns.invert(row, u.x);
         let cosine = self.cosines[row] + (self.cosines[row + 1] - self.cosines[row]) * y;
         let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
         let (sin_phi, cos_phi) = (TAU * (column as f32 + x) / self.environment.width as f32).sin_cos();
         let wi = Vec3A::new(sine * sin_phi, cosine, -sine * cos_phi);
         // Rounding may have moved wi to the next cell: the density is that of where it is, as for a ray that comes by chance.
-        let pdf = self.pdf(wi) * probability;
-        (pdf > 0.0).then(|| LightSample { wi, distance: f32::INFINITY, radiance: self.radiance(wi), pdf, delta: false })
+        let uv = direction_to_uv(wi);
+        let pdf = self.pdf_at(uv) * probability;
+        let radiance = || self.environment.radiance_at(uv);
+        (pdf > 0.0).then(|| LightSample { wi, distance: f32::INFINITY, radiance: radiance(), pdf, delta: false })
     }
 
     /// Returns the density of a direction, per steradian.
     #[inline]
     pub(super) fn pdf(&self, wi: Vec3A) -> f32 {
-        let uv = direction_to_uv(wi);
+        self.pdf_at(direction_to_uv(wi))
+    }
+
+    #[inline]
+    fn pdf_at(&self, uv: Vec2) -> f32 {
         let row = cell(uv.y, self.environment.height);
         let column = cell(uv.x, self.environment.width);
-        let sums = self.row(row);
-        let share = (self.rows[row + 1] - self.rows[row]) * (sums[column + 1] - sums[column]);
+        let share = self.rows.share(0, row) * self.columns.share(row, column);
         let solid_angle = TAU / self.environment.width as f32 * (self.cosines[row] - self.cosines[row + 1]);
         share / solid_angle
     }
@@ -101,15 +106,12 @@ impl EnvironmentLight {
         Some(Emission { ray: surroundings.ray(-sample.wi, u_position), flux })
     }
 
-    fn row(&self, row: usize) -> &[f32] {
-        let length = self.environment.width as usize + 1;
-        &self.columns[row * length..(row + 1) * length]
-    }
-
     /// Returns the memory held, bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         self.environment.memory_bytes()
-            + (self.columns.capacity() + self.rows.capacity() + self.cosines.capacity()) * size_of::<f32>()
+            + self.columns.memory_bytes()
+            + self.rows.memory_bytes()
+            + self.cosines.capacity() * size_of::<f32>()
     }
 }
 
@@ -128,25 +130,69 @@ fn mean_over_cell(environment: &Environment, column: usize, row: usize) -> DVec3
     mean
 }
 
-/// Appends the sums of `weights` divided by the last of them, from 0 to exactly 1; even steps where all weights are 0.
-fn append_sums(sums: &mut Vec<f32>, weights: impl ExactSizeIterator<Item = f64> + Clone) {
-    let total: f64 = weights.clone().sum();
-    let count = weights.len();
-    sums.push(0.0);
-    let mut sum = 0.0;
-    for (i, weight) in weights.enumerate() {
-        sum += weight;
-        let share = if total > 0.0 { sum / total } else { (i + 1) as f64 / count as f64 };
-        sums.push(if i + 1 == count { 1.0 } else { narrow(share) });
-    }
+/// Tables of one length to choose a step by its share.
+#[derive(Debug, Clone)]
+struct Tables {
+    steps: usize,
+    /// For each table the sums of its shares, `steps + 1` numbers from 0 to 1.
+    sums: Vec<f32>,
+    /// For each table, of `guides` equal parts of [0, 1], how many sums lie at or below the start of each part, and all at the end: the sum that is looked for
+    /// is among few then.
+    guide: Vec<u32>,
+    /// A power of two, so that the part of a number is exact.
+    guides: usize,
 }
 
-/// Returns the step of `sums` that holds `u` and where in it, in [0, 1].
-#[inline]
-fn invert(sums: &[f32], u: f32) -> (usize, f32) {
-    let index = sums.partition_point(|&sum| sum <= u).clamp(1, sums.len() - 1) - 1;
-    let (low, high) = (sums[index], sums[index + 1]);
-    (index, if high > low { ((u - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 })
+impl Tables {
+    fn with_capacity(steps: usize, tables: usize) -> Self {
+        /// Sums in a part, if all shares are the same: a cache line of them has 16.
+        const SUMS: usize = 8;
+        let guides = steps.div_ceil(SUMS).next_power_of_two();
+        let (sums, guide) = (Vec::with_capacity((steps + 1) * tables), Vec::with_capacity((guides + 1) * tables));
+        Self { steps, sums, guide, guides }
+    }
+
+    /// Appends the table of `weights`; even steps where all weights are 0.
+    fn append(&mut self, weights: impl ExactSizeIterator<Item = f64> + Clone) {
+        let total: f64 = weights.clone().sum();
+        let count = weights.len();
+        let first = self.sums.len();
+        self.sums.push(0.0);
+        let mut sum = 0.0;
+        for (i, weight) in weights.enumerate() {
+            sum += weight;
+            let share = if total > 0.0 { sum / total } else { (i + 1) as f64 / count as f64 };
+            self.sums.push(if i + 1 == count { 1.0 } else { narrow(share) });
+        }
+        let sums = &self.sums[first..];
+        let below = |part: usize| sums.partition_point(|&sum| sum <= part as f32 / self.guides as f32);
+        let below = |part: usize| u32::try_from(below(part)).expect("no picture is so wide");
+        self.guide.extend((0..=self.guides).map(below));
+    }
+
+    /// Returns the step of a table that holds `u`, in [0, 1), and where in it, in [0, 1].
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a part of [0, 1)")]
+    fn invert(&self, table: usize, u: f32) -> (usize, f32) {
+        let sums = &self.sums[table * (self.steps + 1)..][..=self.steps];
+        let part = ((u * self.guides as f32) as usize).min(self.guides - 1);
+        let guide = &self.guide[table * (self.guides + 1) + part..];
+        let (from, to) = (guide[0] as usize, guide[1] as usize);
+        let index = (from + sums[from..to].partition_point(|&sum| sum <= u)).clamp(1, self.steps) - 1;
+        let (low, high) = (sums[index], sums[index + 1]);
+        (index, if high > low { ((u - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 })
+    }
+
+    /// Returns the share of a step.
+    #[inline]
+    fn share(&self, table: usize, step: usize) -> f32 {
+        let sums = &self.sums[table * (self.steps + 1) + step..];
+        sums[1] - sums[0]
+    }
+
+    fn memory_bytes(&self) -> usize {
+        self.sums.capacity() * size_of::<f32>() + self.guide.capacity() * size_of::<u32>()
+    }
 }
 
 /// Returns the cell of a coordinate in [0, 1].
@@ -159,4 +205,29 @@ fn cell(u: f32, size: u32) -> usize {
 #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
 fn narrow(x: f64) -> f32 {
     x as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_guide_finds_what_a_search_of_all_finds() {
+        // Steps with nothing and steps with nearly all; lengths about powers of two; the first table is even.
+        const WEIGHTS: [f64; 7] = [1.0, 0.0, 0.0, 1e6, 1e-3, 3.0, 0.0];
+        for steps in [1, 2, 7, 8, 9, 64, 65, 1000] {
+            let mut tables = Tables::with_capacity(steps, 2);
+            tables.append(std::iter::repeat_n(0.0, steps));
+            tables.append((0..steps).map(|i| WEIGHTS[i * 5 % 7]));
+            for table in 0..2 {
+                let sums = &tables.sums[table * (steps + 1)..][..=steps];
+                let places = sums.iter().flat_map(|sum| [sum.next_down(), *sum, sum.next_up()]);
+                let even = (0..4096).map(|i| i as f32 / 4096.0);
+                for u in places.chain(even).filter(|u| (0.0..1.0).contains(u)) {
+                    let expected = sums.partition_point(|&sum| sum <= u) - 1;
+                    assert_eq!(tables.invert(table, u).0, expected, "{u} of table {table} of {steps} steps");
+                }
+            }
+        }
+    }
 }
