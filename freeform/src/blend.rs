@@ -30,12 +30,14 @@ use crate::{
 
 /// Halvings before a stretch counts as a point: more than the 53 bits of a number, and some to come down from `ENDLESS`.
 const DEPTH_MAX: u32 = 100;
-/// Stretches that a ray may be cut into. Few take more than a handful, one that touches the surface 200; a ray within the surface would take for ever.
+/// Stretches that a ray may be cut into: a guard. Few take more than a handful, one that touches the surface 200.
 const STRETCHES_MAX: u32 = 20_000;
 /// A stretch of fewer rounding steps is not halved further.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
 /// A blend without bounds is followed for so many times the distance of the ray from its first form, and so many metres.
 const ENDLESS: f64 = 1e12;
+/// Nor is one on which the values range no farther than so many times what rounding leaves open of one value that may be 0.
+const HIDDEN: f64 = 2.0;
 /// The start of a ray is on the surface if its value is this many times what rounding of the start and of the value can make.
 const START_ROUNDING: f64 = 8.0;
 
@@ -275,7 +277,8 @@ impl Isolation<'_> {
         if all.value.sign() != 0.0 {
             return walker.stretch(lo, hi, all.value.sign() > 0.0);
         }
-        let mean = self.function.about(m, 0.0, &mut self.silent).value + all.slope * Range::about_zero(radius);
+        let middle = self.function.about(m, 0.0, &mut self.silent).value;
+        let mean = middle + all.slope * Range::about_zero(radius);
         if mean.sign() != 0.0 {
             return walker.stretch(lo, hi, mean.sign() > 0.0);
         }
@@ -299,7 +302,10 @@ impl Isolation<'_> {
                 }
             };
         }
-        if depth == DEPTH_MAX || self.stretches > STRETCHES_MAX || hi - lo <= SHORTEST * (m.abs() + self.local.unit()) {
+        // Halves would show no more where the rounding of one value hides as much.
+        let is_hidden = middle.sign() == 0.0 && mean.width() <= HIDDEN * middle.width();
+        let is_short = depth == DEPTH_MAX || hi - lo <= SHORTEST * (m.abs() + self.local.unit());
+        if is_hidden || is_short || self.stretches > STRETCHES_MAX {
             return match self.function.about(hi, 0.0, &mut self.silent).value.sign() {
                 0.0 => ControlFlow::Continue(()),
                 side => walker.stretch(hi, hi, side > 0.0),

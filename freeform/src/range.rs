@@ -60,6 +60,11 @@ impl Range {
     }
 
     #[inline]
+    pub(crate) fn width(self) -> f64 {
+        self.hi - self.lo
+    }
+
+    #[inline]
     pub(crate) fn square(self) -> Self {
         let (a, b) = (self.lo * self.lo, self.hi * self.hi);
         let least = if self.lo <= 0.0 && self.hi >= 0.0 { 0.0 } else { a.min(b).next_down().max(0.0) };

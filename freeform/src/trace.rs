@@ -388,7 +388,8 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
             Roots::One(root) => (root, f64::INFINITY),
             Roots::Two(first, second) => {
                 let vertex = -0.5 * q.b / q.a;
-                let touches = (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(vertex.abs());
+                let touches = (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(vertex.abs())
+                    && is_hidden_between(q, weight, [first, second]);
                 if touches { (f64::INFINITY, f64::INFINITY) } else { (first, second) }
             }
         };
@@ -419,6 +420,22 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
             self.stretch(lo, hi, side > 0.0)
         }
     }
+}
+
+/// Whether rounding hides a quadratic everywhere between its roots. That it does at the vertex is not enough: of a line that all but lies in a cone or a cylinder
+/// the vertex is far off, where rounding is large, and one of the roots may be near.
+fn is_hidden_between(q: Quadratic, weight: Quadratic, [first, second]: [f64; 2]) -> bool {
+    let sign = -q.a.signum();
+    // |q| less its rounding, for s of one sign: a quadratic of |s| that has a maximum.
+    let shows = |side: f64, lo: f64, hi: f64| {
+        let excess = Quadratic {
+            a: -q.a.abs() - VALUE_ROUNDING * weight.a,
+            b: sign * side * q.b - VALUE_ROUNDING * weight.b,
+            c: sign * q.c - VALUE_ROUNDING * weight.c,
+        };
+        lo <= hi && excess.at((-0.5 * excess.b / excess.a).clamp(lo, hi)) > 0.0
+    };
+    !shows(1.0, first.max(0.0), second) && !shows(-1.0, (-second).max(0.0), -first)
 }
 
 /// Returns the value within which signs are rounding, from the weight of the terms.

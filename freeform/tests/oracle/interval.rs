@@ -6,47 +6,47 @@ use super::{Counted, RawForm, RawRay};
 
 /// Numbers between two bounds, rounded outwards.
 #[derive(Debug, Clone, Copy)]
-struct Range {
-    lo: f64,
-    hi: f64,
+pub(super) struct Range {
+    pub(super) lo: f64,
+    pub(super) hi: f64,
 }
 
 impl Range {
-    fn new(lo: f64, hi: f64) -> Self {
+    pub(super) fn new(lo: f64, hi: f64) -> Self {
         Self { lo: lo.next_down(), hi: hi.next_up() }
     }
 
-    fn exactly(x: f64) -> Self {
+    pub(super) fn exactly(x: f64) -> Self {
         Self { lo: x, hi: x }
     }
 
-    fn about(x: f64, share: f64) -> Self {
+    pub(super) fn about(x: f64, share: f64) -> Self {
         let spread = (x.abs() * share).next_up();
         Self::new(x - spread, x + spread)
     }
 
-    fn square(self) -> Self {
+    pub(super) fn square(self) -> Self {
         let (a, b) = (self.lo * self.lo, self.hi * self.hi);
         let lo = if self.lo <= 0.0 && self.hi >= 0.0 { 0.0 } else { a.min(b).next_down().max(0.0) };
         Self { lo, hi: a.max(b).next_up() }
     }
 
-    fn positive_part(self) -> Self {
+    pub(super) fn positive_part(self) -> Self {
         Self { lo: self.lo.max(0.0), hi: self.hi.max(0.0) }
     }
 
-    fn sqrt(self) -> Self {
+    pub(super) fn sqrt(self) -> Self {
         Self { lo: self.lo.sqrt().next_down().max(0.0), hi: self.hi.sqrt().next_up() }
     }
 
     /// Returns the quotient by a range without zero.
-    fn over(self, d: Self) -> Self {
+    pub(super) fn over(self, d: Self) -> Self {
         let q = [self.lo / d.lo, self.lo / d.hi, self.hi / d.lo, self.hi / d.hi];
         Self::new(q.into_iter().fold(f64::INFINITY, f64::min), q.into_iter().fold(f64::NEG_INFINITY, f64::max))
     }
 
     /// Returns -1, 1, or `None` where zero is within.
-    fn sign(self) -> Option<i32> {
+    pub(super) fn sign(self) -> Option<i32> {
         if self.lo > 0.0 {
             Some(1)
         } else if self.hi < 0.0 {
@@ -86,9 +86,10 @@ impl Mul for Range {
     }
 }
 
-type Quadratic = [Range; 3];
+pub(super) type Quadratic = [Range; 3];
 
-fn along(q: &[f64; 10], ray: &RawRay, spread: f64) -> Quadratic {
+/// Returns a quadric along a ray, of which the coefficients may be off by a share of them.
+pub(super) fn along(q: &[f64; 10], ray: &RawRay, spread: f64) -> Quadratic {
     let o = ray.origin.map(Range::exactly);
     let d = ray.direction.map(Range::exactly);
     let k = q.map(|x| Range::about(x, spread));
@@ -107,12 +108,12 @@ fn along(q: &[f64; 10], ray: &RawRay, spread: f64) -> Quadratic {
 }
 
 /// Returns the quadratic in t' = t - shift.
-fn shifted([c, b, a]: Quadratic, shift: f64) -> Quadratic {
+pub(super) fn shifted([c, b, a]: Quadratic, shift: f64) -> Quadratic {
     let s = Range::exactly(shift);
     [(a * s + b) * s + c, b + a * (s + s), a]
 }
 
-fn at([c, b, a]: Quadratic, t: Range) -> Range {
+pub(super) fn at([c, b, a]: Quadratic, t: Range) -> Range {
     (a * t + b) * t + c
 }
 
@@ -240,7 +241,7 @@ fn count_and_find(
 }
 
 /// Halves the stretch about a root while the sign in the middle is known.
-fn narrow(function: &impl Fn(Range) -> Range, lo: &mut f64, hi: &mut f64) {
+pub(super) fn narrow(function: &impl Fn(Range) -> Range, lo: &mut f64, hi: &mut f64) {
     let Some(before) = function(Range::exactly(*lo)).sign() else { return };
     while *hi - *lo > 1e-13 * (1.0 + hi.abs()) {
         let middle = 0.5 * (*lo + *hi);

@@ -1,8 +1,10 @@
 //! An oracle for crossings: plain numbers in, exact counts out. It shares no code with the crate.
 
+pub(crate) mod blend;
 pub(crate) mod dyadic;
 pub(crate) mod exact;
 pub(crate) mod interval;
+pub(crate) mod tree;
 
 use dyadic::Dyadic;
 
@@ -14,12 +16,16 @@ pub(crate) struct RawForm {
 }
 
 impl RawForm {
-    /// Returns a copy in which `change` was applied to every coefficient and factor.
-    pub(crate) fn changed(&self, mut change: impl FnMut(f64) -> f64) -> Self {
-        Self {
-            base: self.base.map(&mut change),
-            perturbations: self.perturbations.iter().map(|(q, f)| (q.map(&mut change), change(*f))).collect(),
-        }
+    /// Returns a copy to every coefficient and factor of which a share of it is added; to a coefficient of 0, of the largest.
+    pub(crate) fn changed(&self, mut share: impl FnMut() -> f64) -> Self {
+        let mut quadric = |q: &[f64; 10]| {
+            let largest = q.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+            q.map(|c| c + share() * if c == 0.0 { largest } else { c })
+        };
+        let base = quadric(&self.base);
+        let perturbations: Vec<_> = self.perturbations.iter().map(|(q, f)| (quadric(q), *f)).collect();
+        let perturbations = perturbations.into_iter().map(|(q, f)| (q, f + share() * f)).collect();
+        Self { base, perturbations }
     }
 }
 
