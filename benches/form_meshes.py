@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""The gallery's free forms beside meshes of them: bytes, and processor seconds to load and render, as a table in Markdown.
+"""The gallery's free forms beside meshes of them: bytes, processor seconds to load and render, and how the pictures differ, as a table in Markdown.
 
     cargo build --release -p freelux
     python3 benches/form_meshes.py [--freelux PROGRAM] [--out FOLDER] [SCENE ...]
 
 Each form of a scene becomes one OBJ file by `freelux mesh`, and a copy of the scene names these files in the place of the forms. Both are
-rendered by the same command. Of a form with copies one is meshed, and all are counted; such a scene is not rendered. A form without bounds stays.
+rendered by the same command, and once more with another seed: the difference between two pictures of the form is noise, and what the mesh has beyond it is its shape. Of a form with
+copies one is meshed, and all are counted; such a scene is not rendered. A form without bounds stays.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import math
 import pathlib
 import re
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 SCENES = ROOT / "cli" / "scenes"
 # Cells so small that no facet shows at this size, metres, and what the render command has beside the size.
 CASES = {
+    "form-textured": (0.015, []),
     "form-figure": (0.02, []),
     "form-glass": (0.0015, []),
     "form-part": (0.015, ["--quality", "0.1"]),
@@ -52,21 +55,21 @@ def is_unbounded(form):
 
 def mesh_scene(freelux, scene, cell, folder):
     """Writes the scene with meshes in the place of its forms; returns its path, triangles, bytes of OBJ, and the copies of the largest repeat."""
-    parts, triangles, size, most = [], 0, 0, 1
-    for number, table in enumerate(tables(scene.read_text())):
+    parts, triangles, size, most, number = [], 0, 0, 1, -1
+    for table in tables(scene.read_text()):
+        for picture in re.findall(r'^\w*texture = "(.*)"', table, flags=re.MULTILINE):
+            shutil.copy(SCENES / picture, folder)
         if not table.startswith("[[form]]"):
             parts.append(table)
             continue
+        number += 1
         form = tomllib.loads(table)["form"][0]
-        copies = math.prod(form["repeat"]["count"]) if "repeat" in form else 1
-        alone = re.sub(r"^repeat\s*=.*$", "", table, flags=re.MULTILINE)
-        alone = re.sub(r"^(material|projection)\b.*$", "", alone, flags=re.MULTILINE)
-        source, obj = folder / f"{scene.stem}-{number}.toml", folder / f"{scene.stem}-{number}.obj"
         if is_unbounded(form):
             parts.append(table)
             continue
-        source.write_text(alone)
-        run([freelux, "mesh", source, "--cell", str(cell), "--out", obj])
+        copies = math.prod(form["repeat"]["count"]) if "repeat" in form else 1
+        obj = folder / f"{scene.stem}-{number}.obj"
+        run([freelux, "mesh", scene, "--form", str(number), "--once", "--cell", str(cell), "--out", obj])
         with obj.open("rb") as lines:
             triangles += copies * sum(line.startswith(b"f ") for line in lines)
         size += copies * obj.stat().st_size
@@ -78,22 +81,33 @@ def mesh_scene(freelux, scene, cell, folder):
     return meshed, triangles, size, most
 
 
+def flip(freelux, a, b):
+    """Returns FLIP between two pictures."""
+    told = subprocess.run([freelux, "compare", a, b], stdout=subprocess.PIPE, text=True, check=True).stdout
+    return float(re.search(r"^FLIP\s+(\S+)", told, flags=re.MULTILINE | re.IGNORECASE).group(1))
+
+
 def row(freelux, name, folder):
     """Returns a line of the table."""
     cell, options = CASES[name]
     scene = SCENES / f"{name}.toml"
     meshed, triangles, size, copies = mesh_scene(freelux, scene, cell, folder)
 
-    def render(path, suffix):
-        out = folder / f"{name}-{suffix}.png"
-        return run([freelux, "render", path, "--size", SIZE, *options, "--out", out])
+    def render(path, suffix, seed):
+        out = folder / f"{name}-{suffix}.exr"
+        return out, run([freelux, "render", path, "--size", SIZE, "--seed", seed, *options, "--out", out])
 
     own = scene.stat().st_size
-    form_seconds = render(scene, "form")
-    mesh_seconds = f"{render(meshed, 'mesh'):.1f}" if copies == 1 else "not rendered"
+    form, form_seconds = render(scene, "form", "0")
+    mesh_seconds, difference = "not rendered", "-"
+    if copies == 1:
+        again, _ = render(scene, "again", "1")
+        mesh, seconds = render(meshed, "mesh", "1")
+        mesh_seconds = f"{seconds:.1f}"
+        difference = f"{flip(freelux, mesh, form):.3f}, noise {flip(freelux, again, form):.3f}"
     command = f" (`{' '.join(options)}`)" if options else ""
     return (f"| {name} | {own} | {cell} | {triangles} | {size} ({size / own:.0f} times) | {form_seconds:.1f}{command} | "
-            f"{mesh_seconds} |")
+            f"{mesh_seconds} | {difference} |")
 
 
 def main():
@@ -105,8 +119,8 @@ def main():
     unknown = set(arguments.scenes) - set(CASES)
     if unknown:
         parser.error(f"unknown scene {', '.join(sorted(unknown))}")
-    print("| scene | bytes of the scene file | cell, m | triangles | bytes of the OBJ | seconds as form | as mesh |")
-    print("|---|---|---|---|---|---|---|")
+    print("| scene | bytes of the scene file | cell, m | triangles | bytes of the OBJ | seconds as form | as mesh | FLIP |")
+    print("|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as scratch:
         folder = arguments.out or pathlib.Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)

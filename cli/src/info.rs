@@ -18,15 +18,35 @@ pub(crate) struct InfoArgs {
     /// Scene (.toml or .obj) or picture (EXR, HDR, PNG or JPEG)
     #[arg(value_name = "SCENE|IMAGE")]
     file: PathBuf,
+    /// Print the free forms of a scene as text that scene files take
+    #[arg(long)]
+    forms: bool,
 }
 
 /// Reads the file, by its name a scene or by its content a picture, and prints what it holds.
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
     let path = args.file.as_path();
     let suffix = path.extension().and_then(|suffix| suffix.to_str()).map(str::to_ascii_lowercase);
-    let lines = if matches!(suffix.as_deref(), Some("toml" | "obj")) { scene(path)? } else { picture(path)? };
-    print(&lines.0)?;
+    let text = match suffix.as_deref() {
+        Some("toml" | "obj") if args.forms => forms(path)?,
+        Some("toml" | "obj") => scene(path)?.0,
+        _ if args.forms => return Err(Failure::Input(format!("{}: a picture has no forms", path.display()))),
+        _ => picture(path)?.0,
+    };
+    print(&text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The forms of a scene as tables of a scene file: name and text of each, without its material, its copies and its projection.
+fn forms(path: &Path) -> Result<String, Failure> {
+    let loaded = scene::load(path, &LoadOptions::default()).map_err(Failure::input)?;
+    let mut text = String::new();
+    for form in &loaded.description.forms {
+        // A string of JSON is one of TOML.
+        let name = serde_json::Value::from(form.name.as_str());
+        let _ = writeln!(text, "[[form]]\nname = {name}\ntext = \"\"\"\n{}\n\"\"\"\n", form.solid);
+    }
+    Ok(text)
 }
 
 /// Lines with a name at the left. What comes from a file is shown without control characters.

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use scene::LoadOptions;
+use scene::freeform::{Bounds, SurfaceMesh};
+use scene::{Description, FormObject, LoadOptions, ProjectionShape};
 
 use crate::args;
 use crate::failure::{Failure, note};
@@ -20,6 +21,12 @@ pub(crate) struct MeshArgs {
     /// OBJ file to write
     #[arg(long, value_name = "FILE.obj")]
     out: PathBuf,
+    /// Only the forms of this name, or of this number in the order of the file, from 0; may be given again
+    #[arg(long = "form", value_name = "NAME|NUMBER")]
+    forms: Vec<String>,
+    /// One of each form, without its copies
+    #[arg(long)]
+    once: bool,
 }
 
 /// Reads the scene, makes a mesh of each form, and writes the file.
@@ -34,27 +41,75 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
         note(&format!("warning: {warning}"));
     }
     let description = &loaded.description;
-    if description.forms.is_empty() {
-        return Err(Failure::Input(format!("{}: no free forms; its meshes need no other file", args.scene.display())));
-    }
-    let (mut obj, mut vertices, mut triangles, mut bodies) = (Vec::new(), 0, 0, 0);
-    for (index, form) in description.forms.iter().enumerate() {
+    let chosen = chosen(description, args)?;
+    let (mut obj, mut before, mut triangles, mut bodies) = (Vec::new(), [0, 0], 0, 0);
+    for (index, form) in chosen {
         let name: String =
             if form.name.is_empty() { format!("form_{index}") } else { form.name.replace(char::is_whitespace, "_") };
-        let mesh = form.solid.to_mesh(f64::from(args.cell)).map_err(|error| {
-            Failure::Input(format!("{}: form {index} \"{}\": {error}", args.scene.display(), form.name))
-        })?;
-        let alone = form.copies.is_empty().then(|| mesh.clone());
-        for (copy, mesh) in alone.into_iter().chain(form.copies.iter().map(|copy| mesh.transformed(copy))).enumerate() {
-            let name = if form.copies.is_empty() { name.clone() } else { format!("{name}_{copy}") };
-            let written = mesh.write_obj(&name, vertices, &mut obj);
+        let refused =
+            |why: String| Failure::Input(format!("{}: form {index} \"{}\": {why}", args.scene.display(), form.name));
+        let mesh = form.solid.to_mesh(f64::from(args.cell)).map_err(|error| refused(error.to_string()))?;
+        if mesh.triangles.is_empty() {
+            return Err(refused(
+                "no corner of a cell is inside; take a smaller cell, or a body that is not empty".into(),
+            ));
+        }
+        let mesh = with_texture_coordinates(mesh, form, description);
+        let copies: &[_] = if args.once { &[] } else { &form.copies };
+        let alone = copies.is_empty().then(|| mesh.clone());
+        for (copy, mesh) in alone.into_iter().chain(copies.iter().map(|copy| mesh.transformed(copy))).enumerate() {
+            let name = if copies.is_empty() { name.clone() } else { format!("{name}_{copy}") };
+            let written = mesh.write_obj(&name, before, &mut obj);
             written.map_err(|error| Failure::unwritable(&args.out, &error))?;
-            vertices += mesh.positions.len();
+            before = [before[0] + mesh.positions.len(), before[1] + mesh.uvs.len()];
             triangles += mesh.triangles.len();
             bodies += 1;
         }
     }
     files::write_all(&[(&args.out, obj)])?;
-    note(&format!("{}: {bodies} forms, {vertices} vertices, {triangles} triangles", args.out.display(),));
+    note(&format!("{}: {bodies} forms, {} vertices, {triangles} triangles", args.out.display(), before[0]));
     Ok(ExitCode::SUCCESS)
+}
+
+/// The forms that were asked for, with their numbers. Without names that is all that have bounds.
+fn chosen<'a>(description: &'a Description, args: &MeshArgs) -> Result<Vec<(usize, &'a FormObject)>, Failure> {
+    let forms = || description.forms.iter().enumerate();
+    let refused = |why: String| Failure::Input(format!("{}: {why}", args.scene.display()));
+    if description.forms.is_empty() {
+        return Err(refused("no free forms; its meshes need no other file".into()));
+    }
+    let is_asked = |word: &str, (index, form): (usize, &FormObject)| form.name == word || index.to_string() == word;
+    if let Some(unknown) = args.forms.iter().find(|word| !forms().any(|form| is_asked(word, form))) {
+        return Err(refused(format!(
+            "no form \"{unknown}\"; give a name, or a number below {}",
+            description.forms.len()
+        )));
+    }
+    if !args.forms.is_empty() {
+        return Ok(forms().filter(|form| args.forms.iter().any(|word| is_asked(word, *form))).collect());
+    }
+    let (bounded, endless): (Vec<_>, Vec<_>) =
+        forms().partition(|(_, form)| !matches!(form.solid.bounds(), Bounds::Unbounded));
+    if bounded.is_empty() {
+        return Err(refused("no form has bounds; clip one".into()));
+    }
+    for (index, form) in endless {
+        note(&format!("warning: form {index} \"{}\" has no bounds and is left out", form.name));
+    }
+    Ok(bounded)
+}
+
+/// Gives a mesh the coordinates that the form has, if a picture is laid on it.
+fn with_texture_coordinates(mesh: SurfaceMesh, form: &FormObject, description: &Description) -> SurfaceMesh {
+    let material = &description.materials[form.material as usize];
+    if material.diffuse_texture.is_none() && material.opacity_texture.is_none() {
+        return mesh;
+    }
+    match &form.projection {
+        None => mesh.with_texture_coordinates(true, |p, _| form.solid.texture_coordinates(p)),
+        Some(projection) => {
+            let runs_round = projection.shape == ProjectionShape::Spherical;
+            mesh.with_texture_coordinates(runs_round, |p, n| projection.coordinates(p, n))
+        }
+    }
 }

@@ -7,9 +7,10 @@
 //! # Source
 //! Doi and Koide 1991: An efficient method of triangulating equi-valued surfaces by using tetrahedral cells. Kuhn 1960 for the six tetrahedra.
 
+use std::collections::HashMap;
 use std::io::{self, Write};
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{Bounds, Interval, Ray, Solid};
 
@@ -22,6 +23,10 @@ pub struct SurfaceMesh {
     pub normals: Vec<DVec3>,
     /// Three indices into both a triangle; counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Texture coordinates, (u, v) with v upwards in the picture; none from [`Solid::to_mesh`].
+    pub uvs: Vec<DVec2>,
+    /// Three indices into them for each triangle, if there are any.
+    pub uv_triangles: Vec<[u32; 3]>,
 }
 
 /// Says why a solid has no mesh.
@@ -56,14 +61,16 @@ impl SurfaceMesh {
     #[must_use]
     pub fn transformed(&self, transform: &DAffine3) -> Self {
         let normal_matrix = transform.matrix3.inverse().transpose();
-        let mut triangles = self.triangles.clone();
+        let (mut triangles, mut uv_triangles) = (self.triangles.clone(), self.uv_triangles.clone());
         if transform.matrix3.determinant() < 0.0 {
-            triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+            triangles.iter_mut().chain(&mut uv_triangles).for_each(|triangle| triangle.swap(1, 2));
         }
         Self {
             positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
             normals: self.normals.iter().map(|&n| (normal_matrix * n).normalize_or_zero()).collect(),
             triangles,
+            uvs: self.uvs.clone(),
+            uv_triangles,
         }
     }
 }
@@ -104,11 +111,43 @@ impl Solid {
 }
 
 impl SurfaceMesh {
-    /// Writes the mesh as an object of an OBJ file in which `before` vertices stand before it.
+    /// Returns the mesh with texture coordinates: `uv` gives those of a point on a triangle with an outward normal.
+    ///
+    /// Where u is an angle over a whole turn, it `runs_round`: a triangle across the seam goes on beyond 0 or 1, as pictures do that are repeated.
+    ///
+    /// # Panics
+    /// If there are more than 2^32 of them.
+    #[must_use]
+    pub fn with_texture_coordinates(mut self, runs_round: bool, uv: impl Fn(DVec3, DVec3) -> DVec2) -> Self {
+        self.uvs.clear();
+        self.uv_triangles.clear();
+        // Corners that meet share theirs, but for those on a seam.
+        let mut numbers = HashMap::new();
+        for triangle in &self.triangles {
+            let [a, b, c] = triangle.map(|corner| self.positions[corner as usize]);
+            let normal = (b - a).cross(c - a).normalize_or(self.normals[triangle[0] as usize]);
+            let mut uvs = [a, b, c].map(|p| uv(p, normal));
+            if runs_round {
+                let first = uvs[0].x;
+                uvs.iter_mut().for_each(|uv| uv.x -= (uv.x - first).round());
+            }
+            let number = |corner: usize| {
+                let uv = uvs[corner];
+                *numbers.entry((triangle[corner], uv.to_array().map(f64::to_bits))).or_insert_with(|| {
+                    self.uvs.push(uv);
+                    u32::try_from(self.uvs.len() - 1).expect("fewer than 2^32")
+                })
+            };
+            self.uv_triangles.push([0, 1, 2].map(number));
+        }
+        self
+    }
+
+    /// Writes the mesh as an object of an OBJ file in which so many vertices, and so many texture coordinates, stand before it.
     ///
     /// # Errors
     /// Those of the writer.
-    pub fn write_obj(&self, name: &str, before: usize, out: &mut impl Write) -> io::Result<()> {
+    pub fn write_obj(&self, name: &str, before: [usize; 2], out: &mut impl Write) -> io::Result<()> {
         writeln!(out, "o {name}")?;
         for p in &self.positions {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
@@ -116,9 +155,18 @@ impl SurfaceMesh {
         for n in &self.normals {
             writeln!(out, "vn {:.6} {:.6} {:.6}", n.x, n.y, n.z)?;
         }
-        for triangle in &self.triangles {
-            let [a, b, c] = triangle.map(|corner| corner as usize + before + 1);
-            writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?;
+        for uv in &self.uvs {
+            writeln!(out, "vt {:.6} {:.6}", uv.x, uv.y)?;
+        }
+        for (index, triangle) in self.triangles.iter().enumerate() {
+            let [a, b, c] = triangle.map(|corner| corner as usize + before[0] + 1);
+            match self.uv_triangles.get(index) {
+                Some(uvs) => {
+                    let [ta, tb, tc] = uvs.map(|uv| uv as usize + before[1] + 1);
+                    writeln!(out, "f {a}/{ta}/{a} {b}/{tb}/{b} {c}/{tc}/{c}")?;
+                }
+                None => writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?,
+            }
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use freeform::{FreeForm, MeshError, Perturbation, Psi, Quadric, Solid, SurfaceMesh};
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 fn ball(center: DVec3, radius: f64) -> Solid {
     FreeForm::new(Quadric::sphere(center, radius).expect("a ball"), vec![]).expect("sound").into()
@@ -112,7 +112,7 @@ fn what_has_no_mesh_is_refused() {
 fn obj_counts_from_what_stands_before() {
     let mesh = ball(DVec3::ZERO, 1.0).to_mesh(0.9).unwrap();
     let mut text = Vec::new();
-    mesh.write_obj("ball", 7, &mut text).unwrap();
+    mesh.write_obj("ball", [7, 0], &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
     let count = |start: &str| text.lines().filter(|line| line.starts_with(start)).count();
     assert_eq!(
@@ -123,4 +123,34 @@ fn obj_counts_from_what_stands_before() {
     let least = text.lines().filter(|line| line.starts_with("f ")).flat_map(|line| line[2..].split(' '));
     let least: Option<usize> = least.filter_map(|word| word.split('/').next()?.parse().ok()).min();
     assert_eq!(least, Some(8), "the first vertex");
+}
+
+#[test]
+fn texture_coordinates_run_on_across_the_seam() {
+    let solid = ball(DVec3::ZERO, 1.0);
+    let mesh = solid.to_mesh(0.1).unwrap().with_texture_coordinates(true, |p, _| solid.texture_coordinates(p));
+    assert_eq!(mesh.uv_triangles.len(), mesh.triangles.len(), "for every triangle");
+    let mut beyond = 0;
+    for (corners, uvs) in mesh.triangles.iter().zip(&mesh.uv_triangles) {
+        let [a, b, c] = uvs.map(|uv| mesh.uvs[uv as usize].x);
+        // Meridians run together in the poles.
+        if corners.iter().any(|corner| mesh.positions[*corner as usize].y.abs() > 0.95) {
+            continue;
+        }
+        assert!(a.max(b).max(c) - a.min(b).min(c) <= 0.5, "no triangle holds the whole picture: {a} {b} {c}");
+        for (corner, uv) in corners.iter().zip(uvs) {
+            let (found, expected) =
+                (mesh.uvs[*uv as usize], solid.texture_coordinates(mesh.positions[*corner as usize]));
+            let turns = found.x - expected.x;
+            assert!((turns - turns.round()).abs() < 1e-15 && found.y == expected.y, "{found} instead of {expected}");
+            beyond += usize::from(turns.abs() > 0.5);
+        }
+    }
+    assert!(beyond > 10, "some lie across: {beyond}");
+    let mirrored = mesh.transformed(&DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
+    for (index, [a, b, c]) in mesh.uv_triangles.iter().enumerate() {
+        assert_eq!(mirrored.uv_triangles[index], [*a, *c, *b], "turned with their triangle");
+        let [p, q, r] = mesh.triangles[index];
+        assert_eq!(mirrored.triangles[index], [p, r, q], "as it is");
+    }
 }

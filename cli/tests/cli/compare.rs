@@ -1,13 +1,14 @@
 //! `compare` and `info` on the study's references, whose figures are known.
 
 use std::fs;
+use std::path::Path;
 
-use crate::common::{Run, data, folder, freelux, names};
+use crate::common::{Run, data, folder, freelux, freelux_words, names};
 
 const CORNELL: &str = "study/cornell/reference.exr";
 const GLOSSY: &str = "study/cornell-glossy/reference.exr";
 
-fn compare(folder: &std::path::Path, a: &str, b: &str, args: &[&str]) -> Run {
+fn compare(folder: &Path, a: &str, b: &str, args: &[&str]) -> Run {
     let (a, b) = (data(a), data(b));
     let mut all = vec!["compare", a.to_str().expect("text"), b.to_str().expect("text")];
     all.extend(args);
@@ -73,6 +74,25 @@ fn codes_for_a_display_are_made_linear() {
     let run = freelux(folder.path(), &["compare", "a.png", "b.png"]);
     // Code 188 is a linear 0.5029.
     assert!((value(run.expect_done(), "ratio of means ") - 0.5029).abs() < 1e-4, "{run:?}");
+}
+
+#[test]
+fn forms_of_the_gallery_are_printed_and_read_back() {
+    let folder = folder();
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let mut count = 0;
+    for scene in fs::read_dir(scenes).unwrap().map(|entry| entry.unwrap().path()) {
+        if scene.extension().is_none_or(|suffix| suffix != "toml") {
+            continue;
+        }
+        let printed =
+            freelux(folder.path(), &["info", "--forms", scene.to_str().unwrap()]).expect_done().stdout.clone();
+        fs::write(folder.path().join("again.toml"), &printed).unwrap();
+        let again = freelux_words(folder.path(), "info --forms again.toml");
+        assert_eq!(again.expect_done().stdout, printed, "{}", scene.display());
+        count += 1;
+    }
+    assert!(count >= 6, "all scenes of the gallery, not {count}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::common::{folder, freelux_words, names};
+use crate::common::{folder, freelux, freelux_words, names};
 
 const BALLS: &str = "
 [[form]]
@@ -37,7 +37,10 @@ fn what_has_no_mesh_is_refused() {
     fs::write(folder.path().join("a.toml"), endless).unwrap();
     fs::write(folder.path().join("b.toml"), BALLS).unwrap();
     for (words, why) in [
-        ("mesh a.toml --cell 0.1 --out a.obj", "\"rod\": the form has no bounds; clip it"),
+        ("mesh a.toml --cell 0.1 --out a.obj", "no form has bounds; clip one"),
+        ("mesh a.toml --cell 0.1 --form rod --out a.obj", "\"rod\": the form has no bounds; clip it"),
+        ("mesh b.toml --cell 0.1 --form rod --out a.obj", "no form \"rod\"; give a name, or a number below 2"),
+        ("mesh b.toml --cell 10 --form 1 --out a.obj", "no corner of a cell is inside"),
         ("mesh b.toml --cell 0 --out a.obj", "the cell must be positive"),
         ("mesh b.toml --cell 1e-9 --out a.obj", "take a larger cell"),
         ("mesh b.toml --cell 0.1 --out a.stl", ".obj"),
@@ -46,4 +49,41 @@ fn what_has_no_mesh_is_refused() {
         freelux_words(folder.path(), words).expect_refused(2, why);
     }
     assert_eq!(names(folder.path()), ["a.toml", "b.toml"], "nothing was written");
+}
+
+#[test]
+fn forms_are_chosen_by_name_or_number() {
+    let folder = folder();
+    let endless = "[[form]]\nquadric.half_space = { point = [0, -1, 0], normal = [0, 1, 0] }\n";
+    fs::write(
+        folder.path().join("a.toml"),
+        format!("{BALLS}repeat = {{ count = [3, 1, 1], step = [2, 0, 0] }}\n{endless}"),
+    )
+    .unwrap();
+    let objects = |words: &[&str]| {
+        freelux(folder.path(), &[&["mesh", "a.toml", "--cell", "0.1", "--out", "a.obj"], words].concat()).expect_done();
+        let obj = fs::read_to_string(folder.path().join("a.obj")).unwrap();
+        obj.lines().filter_map(|line| line.strip_prefix("o ").map(str::to_owned)).collect::<Vec<_>>()
+    };
+    assert_eq!(objects(&[]), ["bitten_ball", "form_1_0", "form_1_1", "form_1_2"], "all that have bounds");
+    assert_eq!(objects(&["--once"]), ["bitten_ball", "form_1"], "without copies");
+    assert_eq!(objects(&["--form", "1", "--once"]), ["form_1"], "by number");
+    assert_eq!(objects(&["--form", "bitten ball"]), ["bitten_ball"], "by name");
+}
+
+#[test]
+fn forms_with_pictures_have_texture_coordinates() {
+    let folder = folder();
+    let material = "[[material]]\nname = \"painted\"\ndiffuse_texture = \"a.png\"\n";
+    image::RgbImage::new(2, 2).save(folder.path().join("a.png")).unwrap();
+    let ball = "[[form]]\nmaterial = \"painted\"\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\n";
+    let projected = format!("{ball}projection.box = {{ size = 1 }}\n");
+    fs::write(folder.path().join("a.toml"), format!("{material}{ball}{projected}")).unwrap();
+    freelux_words(folder.path(), "mesh a.toml --cell 0.2 --out a.obj").expect_done();
+    let obj = fs::read_to_string(folder.path().join("a.obj")).unwrap();
+    let uvs = obj.lines().filter(|line| line.starts_with("vt ")).count();
+    let corners = obj.lines().filter_map(|line| line.strip_prefix("f ")).flat_map(|line| line.split(' '));
+    let used: Vec<usize> = corners.map(|corner| corner.split('/').nth(1).unwrap().parse().unwrap()).collect();
+    assert_eq!(used.iter().max(), Some(&uvs), "both forms number theirs in one row");
+    assert!((1..=uvs).all(|uv| used.contains(&uv)), "and use them all");
 }

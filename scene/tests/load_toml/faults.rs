@@ -49,6 +49,17 @@ fn faults_are_refused_by_line_and_field() {
         ("[[form]]\nname = \"x\"", 1, "a form without a quadric"),
         ("[[form]]\nunion = []", 1, "no parts in the union"),
         (
+            "[[form]]\nname = \"apart\"\nintersection = [{ quadric.sphere = { center = [0, 0, 0], radius = 1 } }, { quadric.sphere = { center = [3, 0, 0], radius = 1 } }]",
+            1,
+            "a form without inside",
+        ),
+        ("[[form]]\nquadric.coefficients = [-1, -1, -1, 0, 0, 0, 0, 0, 0, -1]", 1, "a form without inside"),
+        ("[[form]]\ntext = \"ball(1)\"", 2, "line 1 of the text: "),
+        ("[[form]]\ntext = \"\"\"\nunion(\nform(base 1 2)\n)\n\"\"\"", 2, "line 2 of the text: "),
+        ("[[form]]\ntext = \"form(base 0 0 0 0 0 0 0 0 0 nan)\"", 2, "line 1 of the text: "),
+        ("[[form]]\ntext = \"form(base 0 0 0 0 0 0 0 0 0 1)\"\nweight = 2", 1, "text beside a quadric"),
+        ("[[form]]\nunion = [{ text = \"form(base 0 0 0 0 0 0 0 0 0 1)\", union = [] }]", 2, "text beside a quadric"),
+        (
             "[[form]]\npsi = \"min\"\nunion = [{ quadric.sphere = { center = [0, 0, 0], radius = 1 } }]",
             2,
             "unknown field 'min'",

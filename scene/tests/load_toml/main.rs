@@ -113,6 +113,20 @@ fn a_whole_scene_loads() {
 }
 
 #[test]
+fn text_of_a_solid_is_read_back() {
+    let parts = "[{ quadric.sphere = { center = [0.1, 0, 0], radius = 1 }, perturbations = [{ quadric.slab = { point = [0, 0.3, 0], normal = [0, 1, 0], half_thickness = 0.2 }, factor = -0.7 }] }, { quadric.cylinder = { point = [0, 0, 0], axis = [1, 0, 0], radius = 0.5 } }]";
+    let solid = |file: &str| loaded(file).description.forms.remove(0).solid;
+    let described = solid(&format!("[[form]]\npsi.blend.width = 0.3\ndifference = {parts}\nrotate = [0, 20, 0]\n"));
+    let again = solid(&format!("[[form]]\ntext = \"\"\"\n{described}\n\"\"\"\n"));
+    assert_eq!(described, again, "all of it");
+    let part = solid(&format!(
+        "[[form]]\nunion = [{{ text = \"\"\"{described}\"\"\", translate = [1, 0, 0] }}]\nclip = {{ min = [-9, -9, -9], max = [9, 9, 9] }}\n"
+    ));
+    let p = DVec3::new(0.2, 0.4, 0.6);
+    assert!((part.value(p + DVec3::X) - described.value(p)).abs() < 1e-12, "as a part, moved and clipped");
+}
+
+#[test]
 fn all_named_quadrics_load() {
     for (quadric, inside, outside) in [
         ("ellipsoid = { center = [1, 0, 0], radii = [1, 2, 3] }", [1.0, 1.9, 0.0], [1.0, 2.1, 0.0]),

@@ -222,8 +222,15 @@ fn form(
         None => loader.default_material(place)?,
     };
     let shines = loader.description.materials[material as usize].emission != Vec3::ZERO;
-    if shines && matches!(solid.bounds(), Bounds::Unbounded) {
-        return Err(place.invalid("an unbounded form that shines", "bound it, or give it a material without emission"));
+    match solid.bounds() {
+        Bounds::Unbounded if shines => {
+            let advice = "bound it, or give it a material without emission";
+            return Err(place.invalid("an unbounded form that shines", advice));
+        }
+        Bounds::Finite { min, max } if min.cmpge(max).any() => {
+            return Err(place.invalid("a form without inside", "let its parts meet, or remove it"));
+        }
+        _ => {}
     }
     let center = translate.map_or(DVec3::ZERO, |point| point.0);
     let copies = repeat.as_ref().map(|table| repeat::copies(table, &solid, center, source)).transpose()?;

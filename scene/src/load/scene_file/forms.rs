@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use freeform::{FormError, FreeForm, Operation, Perturbation, Psi, Quadric, Solid};
+use freeform::{FormError, FreeForm, Operation, Perturbation, Psi, Quadric, Solid, TextError};
 use glam::{DAffine3, DVec3};
 use toml::Spanned;
 
@@ -19,6 +19,7 @@ macro_rules! shape {
         let table = $table.get_ref();
         Shape {
             span: $table.span(),
+            text: table.text.as_ref(),
             form: FormShape {
                 origin: table.origin,
                 quadric: table.quadric.as_ref(),
@@ -77,6 +78,8 @@ fn part(table: &Spanned<PartTable>, source: &Source) -> Result<Solid, LoadError>
 /// What forms and parts have in common.
 struct Shape<'a> {
     span: Range<usize>,
+    /// All of it in the words of [`Solid`]'s text.
+    text: Option<&'a Spanned<String>>,
     form: FormShape<'a>,
     operations: [(Operation, Option<&'a [Spanned<PartTable>]>); 4],
     psi: Option<PsiTable>,
@@ -94,36 +97,10 @@ struct FormShape<'a> {
 
 impl Shape<'_> {
     fn solid(self, source: &Source) -> Result<Solid, LoadError> {
-        let place = source.place(self.span.clone());
         let refuse = |error| refused(&error, self.span.clone(), source);
-        let mut given = self.operations.iter().filter_map(|(operation, parts)| parts.map(|parts| (*operation, parts)));
-        let mut solid = match (self.form.quadric, given.next(), given.next()) {
-            (Some(_), None, _) if self.psi.is_some() => {
-                return Err(place.invalid("psi without a set operation", "remove psi, or write union = [...]"));
-            }
-            (Some(base), None, _) => Solid::from(self.form.form(base, &self.span, source)?),
-            (None, Some((operation, parts)), None) => {
-                if !self.form.perturbations.is_empty() || self.form.origin.is_some() || self.form.weight.is_some() {
-                    let what = format!("{} with perturbations, an origin or a weight", operation.name());
-                    return Err(place.invalid(what, "give them to its parts"));
-                }
-                if operation == Operation::Complement && self.psi.is_some() {
-                    return Err(place.invalid("complement with psi", "remove psi"));
-                }
-                let parts = parts.iter().map(|table| part(table, source)).collect::<Result<_, LoadError>>()?;
-                Solid::join(operation, self.psi.map_or(Psi::Maximum, psi), parts).map_err(refuse)?
-            }
-            (None, Some((first, _)), Some((second, _))) => {
-                let what = format!("both {} and {}", first.name(), second.name());
-                return Err(place.invalid(what, "keep one, or make one a part of the other"));
-            }
-            (Some(_), Some((operation, _)), _) => {
-                return Err(place.invalid(format!("both quadric and {}", operation.name()), "keep one"));
-            }
-            (None, None, _) => {
-                let advice = "write quadric = { sphere = { ... } }, or union = [...]";
-                return Err(place.invalid("a form without a quadric", advice));
-            }
+        let mut solid = match self.text {
+            Some(text) => self.read(text, source)?,
+            None => self.assembled(source)?,
         };
         if let Some(clip) = self.clip {
             let ClipTable { min, max } = clip.get_ref();
@@ -139,9 +116,62 @@ impl Shape<'_> {
             None => Ok(solid),
         }
     }
+
+    /// Makes the solid that the text says.
+    fn read(&self, text: &Spanned<String>, source: &Source) -> Result<Solid, LoadError> {
+        let has_form = self.form.quadric.is_some() || self.form.has_more_than_a_quadric();
+        if has_form || self.psi.is_some() || self.operations.iter().any(|(_, parts)| parts.is_some()) {
+            let what = "text beside a quadric, what belongs to one, or a set operation";
+            return Err(source.place(self.span.clone()).invalid(what, "write all of it in the text, or none"));
+        }
+        let refuse = |TextError { line, what }| {
+            source.place(text.span()).invalid(format!("line {line} of the text: {what}"), "correct the text")
+        };
+        text.get_ref().parse().map_err(refuse)
+    }
+
+    /// Makes the solid of a quadric or of a set operation.
+    fn assembled(&self, source: &Source) -> Result<Solid, LoadError> {
+        let place = source.place(self.span.clone());
+        let refuse = |error| refused(&error, self.span.clone(), source);
+        let mut given = self.operations.iter().filter_map(|(operation, parts)| parts.map(|parts| (*operation, parts)));
+        match (self.form.quadric, given.next(), given.next()) {
+            (Some(_), None, _) if self.psi.is_some() => {
+                Err(place.invalid("psi without a set operation", "remove psi, or write union = [...]"))
+            }
+            (Some(base), None, _) => Ok(Solid::from(self.form.form(base, &self.span, source)?)),
+            (None, Some((operation, parts)), None) => {
+                if self.form.has_more_than_a_quadric() {
+                    let what = format!("{} with perturbations, an origin or a weight", operation.name());
+                    return Err(place.invalid(what, "give them to its parts"));
+                }
+                if operation == Operation::Complement && self.psi.is_some() {
+                    return Err(place.invalid("complement with psi", "remove psi"));
+                }
+                let parts = parts.iter().map(|table| part(table, source)).collect::<Result<_, LoadError>>()?;
+                Solid::join(operation, self.psi.map_or(Psi::Maximum, psi), parts).map_err(refuse)
+            }
+            (None, Some((first, _)), Some((second, _))) => {
+                let what = format!("both {} and {}", first.name(), second.name());
+                Err(place.invalid(what, "keep one, or make one a part of the other"))
+            }
+            (Some(_), Some((operation, _)), _) => {
+                Err(place.invalid(format!("both quadric and {}", operation.name()), "keep one"))
+            }
+            (None, None, _) => {
+                let advice = "write quadric = { sphere = { ... } }, union = [...] or text = \"...\"";
+                Err(place.invalid("a form without a quadric", advice))
+            }
+        }
+    }
 }
 
 impl FormShape<'_> {
+    /// Whether anything is given that belongs to a quadric.
+    fn has_more_than_a_quadric(&self) -> bool {
+        !self.perturbations.is_empty() || self.origin.is_some() || self.weight.is_some()
+    }
+
     fn form(&self, base: &Spanned<QuadricTable>, span: &Range<usize>, source: &Source) -> Result<FreeForm, LoadError> {
         let refuse = |error| refused(&error, span.clone(), source);
         let base = quadric(base, source)?;

@@ -139,6 +139,7 @@ pub(super) struct MeshTable {
 pub(super) struct FormTable {
     pub(super) name: String,
     pub(super) material: Option<Spanned<String>>,
+    pub(super) text: Option<Spanned<String>>,
     pub(super) origin: Option<Point>,
     pub(super) quadric: Option<Spanned<QuadricTable>>,
     pub(super) perturbations: Vec<Spanned<PerturbationTable>>,
@@ -182,6 +183,7 @@ pub(super) enum ProjectionTable {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PartTable {
+    pub(super) text: Option<Spanned<String>>,
     pub(super) origin: Option<Point>,
     pub(super) quadric: Option<Spanned<QuadricTable>>,
     pub(super) perturbations: Vec<Spanned<PerturbationTable>>,
