@@ -26,17 +26,17 @@ pub(crate) struct Recorder {
 
 /// Smallest radius of a record, pixels.
 const MIN_PIXELS: f32 = 1.5;
-/// Records reach at most this share of the scene: farther than that, things that a gather has missed come between.
+/// Records reach at most this share of the scene, and of what the picture shows of it: farther than that, things that a gather has missed come between.
 const MAX_SHARE: f32 = 0.25;
 
 impl Recorder {
-    /// Makes records for a picture of `pixels` pixels in a scene of `scene_size` metres.
-    pub(crate) fn new(plan: &Plan, pixels: u32, scene_size: f32) -> Self {
+    /// Makes records for a picture of as many pixels as a square one of the given `side`, in a scene of `scene_size` metres.
+    pub(crate) fn new(plan: &Plan, side: f32, scene_size: f32) -> Self {
         let mut resolutions = vec![plan.n, plan.look_n];
         resolutions.dedup();
         let edges = resolutions.into_iter().map(TexelEdges::new).collect();
         let Plan { error, by_hessian, gradients, .. } = *plan;
-        Self { edges, error, by_hessian, gradients, side: (pixels as f32).sqrt(), scene_size }
+        Self { edges, error, by_hessian, gradients, side, scene_size }
     }
 
     /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`.
@@ -57,7 +57,7 @@ impl Recorder {
         RecordRules {
             total_error: self.error * width * width,
             min_radius,
-            max_radius: (MAX_SHARE * self.scene_size).max(min_radius),
+            max_radius: (MAX_SHARE * self.scene_size.min(width)).max(min_radius),
             by_hessian: self.by_hessian,
             gradients: self.gradients,
         }

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use integrator::Method;
 use scene::{Description, Environment, Scene};
-use tests::{Builder, Effort, METHODS, black, film, lambert, measure};
+use tests::{Builder, Effort, METHODS, black, film, lambert, measure, print};
 
 #[test]
 fn empty_scene_is_black_and_sky_only_is_sky() {
@@ -94,5 +94,26 @@ fn texture_does_not_enter_the_record() {
         // The path tracer's pixels have the noise of a cosine over 256 stratified samples, less than 0.02.
         let limit = if method == Method::Path { 0.1 } else { 1e-5 };
         assert!(worst <= limit, "{}: a pixel differs by {worst} from its albedo", method.name());
+    }
+}
+
+#[test]
+fn close_up_on_a_wide_floor_keeps_its_shadow() {
+    // A record far out on the floor has no texel for the ball, and once reached beneath it from there: by the seed, up to 4.5 % too much light.
+    let plane = Builder::default().square(Vec3::ZERO, Vec3::Z, 20.0, lambert(0.5));
+    let ball = plane.ball(Vec3::Z * 0.75, 0.75, lambert(0.5)).sky(1.0);
+    let scene = ball.view(Vec3::new(0.0, -4.0, 1.5), Vec3::Z * 0.5, 30.0).build();
+    let mean = |method: Method, quality: f32, seed: u64| {
+        let effort = Effort { side: 64, quality, ..Effort::default() };
+        let picture = film(&scene, method, &effort, seed).picture();
+        picture.iter().map(|radiance| f64::from(radiance.x)).sum::<f64>() / picture.len() as f64
+    };
+    let expected = mean(Method::Gather, 4.0, 1);
+    for method in [Method::Reproject, Method::CacheOnly] {
+        for seed in 1..=3 {
+            let ratio = mean(method, 1.0, seed) / expected;
+            print(&format!("{} with seed {seed}: ratio {ratio:.4}", method.name()));
+            assert!((ratio - 1.0).abs() < 4e-3, "{} with seed {seed}: ratio {ratio}", method.name());
+        }
     }
 }
