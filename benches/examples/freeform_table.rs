@@ -4,7 +4,8 @@
 
 use std::time::Instant;
 
-use benches::bodies::{TRIANGLES_MAX, bumpy, mesh_of_error, scene_of_form, scene_of_mesh, spiral, tree};
+use benches::bodies::{SIZE, TRIANGLES_MAX, bumpy, mesh_of_error, scene_of_form, scene_of_mesh, spiral, tree};
+use benches::outlines::{DISTANCE, outline_error};
 use freeform::{Psi, Solid};
 use scene::{Ray, Scene};
 
@@ -37,12 +38,21 @@ fn rate(scene: &Scene, rays: &[Ray]) -> f64 {
     best
 }
 
+/// How far the outline is off, as shares of the size of the body.
+fn outline(solid: &Solid, scene: &Scene) -> String {
+    let error = outline_error(solid, scene);
+    let share = |angle: f64| angle * DISTANCE / SIZE;
+    format!("{:.1e}, {:.1e}", share(error.median), share(error.largest))
+}
+
 #[expect(clippy::print_stdout, reason = "the table is the result")]
 fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).collect();
     let rays = rays();
-    println!("| body | as | triangles | bytes | seconds to make | rays/s | rays that differ |");
-    println!("|---|---|---|---|---|---|---|");
+    println!(
+        "| body | as | triangles | bytes | seconds to make | rays/s | rays that differ | outline off by, of the size: median, largest |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
     let forms = [0, 1, 8, 64, 512].map(|n| {
         (
             if n == 0 { "sphere".to_owned() } else { format!("{n} perturbation{}", if n == 1 { "" } else { "s" }) },
@@ -63,12 +73,13 @@ fn main() {
         let hits: Vec<Option<f32>> = rays.iter().map(|ray| scene.intersect(ray).map(|hit| hit.t)).collect();
         let (bytes, rate_of_form) = (again.memory_bytes(), rate(&scene, &rays));
         println!(
-            "| {name} | form, {} bytes of text | - | {bytes} | {seconds:.1e} | {rate_of_form:.2e} | - |",
-            solid.to_string().len()
+            "| {name} | form, {} bytes of text | - | {bytes} | {seconds:.1e} | {rate_of_form:.2e} | - | {} |",
+            solid.to_string().len(),
+            outline(&solid, &scene),
         );
         for share in [1e-3, 1e-4] {
             let Some((mesh, to_mesh)) = mesh_of_error(&solid, share) else {
-                println!("| | mesh at {share:.0e} | over {TRIANGLES_MAX} | - | - | - | - |");
+                println!("| | mesh at {share:.0e} | over {TRIANGLES_MAX} | - | - | - | - | - |");
                 continue;
             };
             let start = Instant::now();
@@ -78,11 +89,12 @@ fn main() {
                 rays.iter().zip(&hits).filter(|(ray, hit)| scene.intersect(ray).is_some() != hit.is_some()).count();
             let rate = rate(&scene, &rays);
             println!(
-                "| | mesh at {share:.0e} | {} | {} ({:.0} times) | {seconds:.2} | {rate:.2e} ({:.2} times) | {differ} of {RAYS} |",
+                "| | mesh at {share:.0e} | {} | {} ({:.0} times) | {seconds:.2} | {rate:.2e} ({:.2} times) | {differ} of {RAYS} | {} |",
                 mesh.triangles.len(),
                 scene.memory_bytes(),
                 scene.memory_bytes() as f64 / bytes as f64,
                 rate / rate_of_form,
+                outline(&solid, &scene),
             );
         }
     }

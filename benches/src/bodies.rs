@@ -7,6 +7,8 @@ use freeform::{FreeForm, Perturbation, Psi, Quadric, Solid, SurfaceMesh};
 use glam::{DVec3, Vec3};
 use scene::{Description, FormObject, Material, Mesh, Scene};
 
+/// The bodies' size, metres.
+pub const SIZE: f64 = 2.0;
 /// Meshes of more triangles are not made.
 pub const TRIANGLES_MAX: usize = 3_000_000;
 
@@ -102,7 +104,6 @@ fn error(solid: &Solid, mesh: &SurfaceMesh) -> f64 {
 /// Never for sound arguments.
 #[must_use]
 pub fn mesh_of_error(solid: &Solid, share: f64) -> Option<(SurfaceMesh, f64)> {
-    const SIZE: f64 = 2.0;
     let mut cell = 4.0 * SIZE * share.sqrt();
     loop {
         let start = Instant::now();

@@ -6,6 +6,7 @@ pub mod rooms;
 
 pub mod bodies;
 pub mod gathers;
+pub mod outlines;
 pub mod plot;
 pub mod renders;
 
