@@ -9,7 +9,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use benches::bodies::{bumpy, tree};
+use benches::bodies::{body_name, bumpy, tree};
 use fidget::context::Tree;
 use fidget::jit::JitShape;
 use fidget::render::{VoxelRenderConfig, VoxelSize};
@@ -90,7 +90,7 @@ fn depth_pictures() {
         "| body | pixels/s by us | by fidget | times | pixels that only one has | depth that differs by more than a voxel |"
     );
     println!("|---|---|---|---|---|---|");
-    let bodies = [0, 1, 8, 64].map(|n| (format!("{n} perturbations"), bumpy(n)));
+    let bodies = [0, 1, 8, 64].map(|n| (body_name(n), bumpy(n)));
     let trees = [2, 10, 100].map(|n| (format!("tree of {n} leaves"), tree(n, Psi::Maximum)));
     let voxel = 2.0 * REACH / f64::from(SIZE);
     // Middles of pixels as fidget has them: the first column on the left edge, the first row a pixel below the upper.

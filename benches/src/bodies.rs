@@ -25,6 +25,16 @@ fn ball(center: DVec3, radius: f64) -> Quadric {
     Quadric::sphere(center, radius).expect("a ball")
 }
 
+/// Returns the name of [`bumpy`] in tables.
+#[must_use]
+pub fn body_name(count: u32) -> String {
+    match count {
+        0 => "sphere".to_owned(),
+        1 => "1 perturbation".to_owned(),
+        _ => format!("{count} perturbations"),
+    }
+}
+
 /// Returns a ball with swellings and dents in turn all over it, as wide as leaves each place to about three.
 ///
 /// # Panics

@@ -61,8 +61,8 @@ impl View {
 pub struct OutlineError {
     /// The median.
     pub median: f64,
-    /// The largest.
-    pub largest: f64,
+    /// What all but a hundredth keep. Where ridges stand before each other there are several outlines, and the search may end at another one.
+    pub most: f64,
     /// Points that were compared.
     pub points: usize,
 }
@@ -81,5 +81,5 @@ pub fn outline_error(solid: &Solid, scene: &Scene) -> OutlineError {
     };
     let mut errors: Vec<f64> = (0..POINTS).filter_map(error).collect();
     errors.sort_by(f64::total_cmp);
-    OutlineError { median: errors[errors.len() / 2], largest: errors[errors.len() - 1], points: errors.len() }
+    OutlineError { median: errors[errors.len() / 2], most: errors[errors.len() * 99 / 100], points: errors.len() }
 }

@@ -80,7 +80,7 @@ fn tree() -> impl Strategy<Value = Tree> {
 
 proptest! {
     #[test]
-    fn trees_are_boolean_algebra(tree in tree(), points in prop::collection::vec(vector(2.0), 20)) {
+    fn trees_are_boolean_algebra(tree in tree(), points in prop::collection::vec(vector(2.0), 500)) {
         for psi in [Psi::Maximum, Psi::RFunction] {
             let solid = tree.solid(psi);
             for &p in &points {

@@ -1,5 +1,6 @@
 //! Glass that neither adds nor loses light.
 
+use freeform::Solid;
 use glam::Vec3;
 use tests::{Builder, Effort, METHODS, cuboid, glass, icosphere, measure};
 
@@ -34,15 +35,18 @@ fn slab_with_absorption_sums_its_internal_reflections() {
     ];
     for (ior, degrees, absorption, expected) in cases {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        let slab = cuboid(Vec3::new(-1e3, -1e3, 0.0), Vec3::new(1e3, 1e3, 1.0));
-        let scene = Builder::default()
-            .mesh(slab, glass(ior, absorption))
-            .sky(1.0)
-            .view(Vec3::new(10.0 * sin, 0.0, 1.0 + 10.0 * cos), Vec3::Z, 1.0)
-            .build();
-        for method in METHODS {
-            let measured = measure(&scene, method, &effort(), |_| expected);
-            measured.assert_unbiased(&format!("index {ior}, {degrees} degrees"));
+        let (min, max) = (Vec3::new(-1e3, -1e3, 0.0), Vec3::new(1e3, 1e3, 1.0));
+        let form = Solid::cuboid(min.as_dvec3(), max.as_dvec3()).expect("a box");
+        let material = glass(ior, absorption);
+        let as_mesh = Builder::default().mesh(cuboid(min, max), material.clone());
+        let as_form = Builder::default().solid(form, material);
+        for (slab, what) in [(as_mesh, "mesh"), (as_form, "form")] {
+            let eye = Vec3::new(10.0 * sin, 0.0, 1.0 + 10.0 * cos);
+            let scene = slab.sky(1.0).view(eye, Vec3::Z, 1.0).build();
+            for method in METHODS {
+                let measured = measure(&scene, method, &effort(), |_| expected);
+                measured.assert_unbiased(&format!("index {ior}, {degrees} degrees, {what}"));
+            }
         }
     }
 }
