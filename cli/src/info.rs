@@ -39,14 +39,31 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
 
 /// The forms of a scene as tables of a scene file: name and text of each, without its material, its copies and its projection.
 fn forms(path: &Path) -> Result<String, Failure> {
-    let loaded = scene::load(path, &LoadOptions::default()).map_err(Failure::input)?;
+    let loaded = load(path)?;
     let mut text = String::new();
     for form in &loaded.description.forms {
-        // A string of JSON is one of TOML.
-        let name = serde_json::Value::from(form.name.as_str());
-        let _ = writeln!(text, "[[form]]\nname = {name}\ntext = \"\"\"\n{}\n\"\"\"\n", form.solid);
+        let name: String = form.name.chars().flat_map(escaped).collect();
+        let _ = writeln!(text, "[[form]]\nname = \"{name}\"\ntext = \"\"\"\n{}\n\"\"\"\n", form.solid);
     }
     Ok(text)
+}
+
+/// A character of a string of TOML.
+fn escaped(c: char) -> Vec<char> {
+    match c {
+        '"' | '\\' => vec!['\\', c],
+        _ if c.is_control() => format!("\\u{:04X}", u32::from(c)).chars().collect(),
+        _ => vec![c],
+    }
+}
+
+/// Loads a scene and says its warnings.
+fn load(path: &Path) -> Result<scene::Loaded, Failure> {
+    let loaded = scene::load(path, &LoadOptions::default()).map_err(Failure::input)?;
+    for warning in &loaded.warnings {
+        note(&format!("warning: {warning}"));
+    }
+    Ok(loaded)
 }
 
 /// Lines with a name at the left. What comes from a file is shown without control characters.
@@ -61,10 +78,7 @@ impl Lines {
 }
 
 fn scene(path: &Path) -> Result<Lines, Failure> {
-    let loaded = scene::load(path, &LoadOptions::default()).map_err(Failure::input)?;
-    for warning in &loaded.warnings {
-        note(&format!("warning: {warning}"));
-    }
+    let loaded = load(path)?;
     let mut lines = Lines::default();
     lines.add("scene", path.display());
     lines.add("materials", materials(&loaded.description));

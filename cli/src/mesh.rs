@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use scene::freeform::{Bounds, SurfaceMesh};
-use scene::{Description, FormObject, LoadOptions, ProjectionShape};
+use scene::{Description, FormObject, LoadOptions};
 
 use crate::args;
 use crate::failure::{Failure, note};
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
         let mesh = form.solid.to_mesh(f64::from(args.cell)).map_err(|error| refused(error.to_string()))?;
         if mesh.triangles.is_empty() {
             return Err(refused(
-                "no corner of a cell is inside; take a smaller cell, or a body that is not empty".into(),
+                "no corner of a cell is inside; take a smaller cell, or choose others by --form".into(),
             ));
         }
         let mesh = with_texture_coordinates(mesh, form, description);
@@ -107,9 +107,6 @@ fn with_texture_coordinates(mesh: SurfaceMesh, form: &FormObject, description: &
     }
     match &form.projection {
         None => mesh.with_texture_coordinates(true, |p, _| form.solid.texture_coordinates(p)),
-        Some(projection) => {
-            let runs_round = projection.shape == ProjectionShape::Spherical;
-            mesh.with_texture_coordinates(runs_round, |p, n| projection.coordinates(p, n))
-        }
+        Some(projection) => mesh.with_texture_coordinates(projection.runs_round(), |p, n| projection.coordinates(p, n)),
     }
 }

@@ -34,10 +34,10 @@ const DEPTH_MAX: u32 = 100;
 const STRETCHES_MAX: u32 = 20_000;
 /// A stretch of fewer rounding steps is not halved further.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
+/// Nor is one on which the values range no farther than so many times what rounding leaves open of single values.
+const HIDDEN: f64 = 2.0;
 /// A blend without bounds is followed for so many times the distance of the ray from its first form, and so many metres.
 const ENDLESS: f64 = 1e12;
-/// Nor is one on which the values range no farther than so many times what rounding leaves open of one value that may be 0.
-const HIDDEN: f64 = 2.0;
 /// The start of a ray is on the surface if its value is this many times what rounding of the start and of the value can make.
 const START_ROUNDING: f64 = 8.0;
 
@@ -302,8 +302,11 @@ impl Isolation<'_> {
                 }
             };
         }
-        // Halves would show no more where the rounding of one value hides as much.
-        let is_hidden = middle.sign() == 0.0 && mean.width() <= HIDDEN * middle.width();
+        // Halves would show no more where the rounding of one value hides as much. It grows along the ray: what it hides in the middle may show at an end.
+        let is_hidden = middle.sign() == 0.0 && mean.width() <= HIDDEN * middle.width() && {
+            let mut noise = |s: f64| self.function.about(s, 0.0, &mut self.silent).value.width();
+            mean.width() <= HIDDEN * noise(lo).min(noise(hi))
+        };
         let is_short = depth == DEPTH_MAX || hi - lo <= SHORTEST * (m.abs() + self.local.unit());
         if is_hidden || is_short || self.stretches > STRETCHES_MAX {
             return match self.function.about(hi, 0.0, &mut self.silent).value.sign() {

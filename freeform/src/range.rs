@@ -236,6 +236,9 @@ fn cosine(f: Range, g: Range) -> Range {
 
 #[cfg(test)]
 mod tests {
+    use num_rational::BigRational;
+    use num_traits::Signed;
+
     use super::*;
 
     /// Numbers in [-1, 1) that look random.
@@ -270,6 +273,48 @@ mod tests {
                 // The slope was computed with a few roundings of its own.
                 let (a, b) = (joined.slope.lo - 1e-14, joined.slope.hi + 1e-14);
                 assert!(a <= slope && slope <= b, "{psi:?}: slope {slope} in {:?}", joined.slope);
+            }
+        }
+    }
+
+    /// The number itself.
+    fn exact(x: f64) -> BigRational {
+        BigRational::from_float(x).expect("finite")
+    }
+
+    #[test]
+    fn joined_ranges_hold_the_exact_values() {
+        let mut numbers = numbers();
+        let (zero, one, two) = (exact(0.0), exact(1.0), exact(2.0));
+        for k in 0..4000_u32 {
+            let mut around = |x: f64| {
+                let size = [0.0, 1e-15, 1e-7, 0.1][k as usize % 4];
+                let (lo, hi) = (x - size * numbers.next().unwrap().abs(), x + size * numbers.next().unwrap().abs());
+                (Range { lo, hi }, if k.is_multiple_of(3) { lo } else { hi })
+            };
+            let (x, y) = (f64::from(k % 11) * 0.1 - 0.5, f64::from(k % 7) * 0.1 - 0.3);
+            let ((f, in_f), (g, in_g), (df, in_df), (dg, in_dg)) = (around(x), around(y), around(y), around(-x));
+            let [in_f, in_g, in_df, in_dg] = [in_f, in_g, in_df, in_dg].map(exact);
+            let join = |psi: Psi| {
+                RangeSlope::union(psi, RangeSlope { value: f, slope: df }, RangeSlope { value: g, slope: dg })
+            };
+            // f + g + sqrt(f^2 + g^2): both ends less f + g, squared where they are positive, against f^2 + g^2.
+            let value = join(Psi::RFunction).value;
+            let (sum, sum_sq) = (&in_f + &in_g, &in_f * &in_f + &in_g * &in_g);
+            let [lo, hi] = [value.lo, value.hi].map(|end| exact(end) - &sum);
+            assert!(lo <= zero || &lo * &lo <= sum_sq, "{x} and {y}: below {value:?}");
+            assert!(hi >= zero && &hi * &hi >= sum_sq, "{x} and {y}: above {value:?}");
+            for width in [0.07, 0.6, 3.0] {
+                let RangeSlope { value, slope } = join(Psi::Blend { width });
+                let width = exact(width);
+                let apart = &in_f - &in_g;
+                let h = (&one - apart.abs() / &width).max(zero.clone());
+                let exact_value = in_f.clone().max(in_g.clone()) + &width / exact(6.0) * &h * &h * &h;
+                assert!(exact(value.lo) <= exact_value && exact_value <= exact(value.hi), "{x} and {y}: {value:?}");
+                let less = &h * &h / &two;
+                let share = if apart < zero { less } else { &one - less };
+                let exact_slope = &share * &in_df + (&one - &share) * &in_dg;
+                assert!(exact(slope.lo) <= exact_slope && exact_slope <= exact(slope.hi), "{x} and {y}: {slope:?}");
             }
         }
     }

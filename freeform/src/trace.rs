@@ -388,7 +388,8 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
             Roots::One(root) => (root, f64::INFINITY),
             Roots::Two(first, second) => {
                 let vertex = -0.5 * q.b / q.a;
-                let touches = (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(vertex.abs())
+                let touches = vertex.is_finite()
+                    && (q.c + 0.5 * q.b * vertex).abs() <= VALUE_ROUNDING * weight.at(vertex.abs())
                     && is_hidden_between(q, weight, [first, second]);
                 if touches { (f64::INFINITY, f64::INFINITY) } else { (first, second) }
             }

@@ -203,16 +203,19 @@ fn truth(random: &mut Random, form: &RawForm, ray: &RawRay) -> (Option<Counted>,
 /// Whether one of 32 rays beside has other crossings: hit points and directions that callers compute carry roundings, so a start within some of the surface is on it, and
 /// a ray may lie in a plane.
 fn hangs_on_rounding(form: &RawForm, ray: &RawRay, counted: Counted) -> bool {
-    let start = DVec3::from_array(ray.origin) + ray.t_min.max(-1e3) * DVec3::from_array(ray.direction);
-    let step = 1e-13 * start.length().max(1e-3);
+    let start = if ray.t_min.is_finite() { ray.t_min.abs() } else { 0.0 };
+    let step = 1e-13 * (DVec3::from_array(ray.origin).length() + start);
     let mut random = Random(1);
     (0..32).any(|_| {
         let mut beside = *ray;
         beside.origin = beside.origin.map(|x| x + step * random.signed());
-        beside.direction = beside.direction.map(|x| x + step * random.signed());
+        beside.direction = beside.direction.map(|x| x + 1e-13 * random.signed());
         exact::count(form, &beside) != Some(counted)
     })
 }
+
+/// The kind of those: less than one in ten thousand.
+const OF_THE_RAY: &str = "differs, and hangs on the rounding of the ray";
 
 const RAYS_A_FORM: u64 = 20;
 /// The counts so far are shown after so many rays, for the full count takes hours.
@@ -277,7 +280,7 @@ impl Tally {
         if found == counted {
             kind
         } else if hangs_on_rounding(form, &ray, counted) {
-            "differs, and hangs on the rounding of the ray"
+            OF_THE_RAY
         } else {
             self.failures.push((index, ray, found, counted));
             kind
@@ -343,11 +346,41 @@ fn assert_parity(draw: Draw) {
             .sum::<i32>()
     };
     let (missed, invented) = (sum(|d| d), sum(|d| -d));
+    let excused = tally.kinds.get(OF_THE_RAY).copied().unwrap_or_default();
+    assert!(excused * 10_000 <= forms.end * RAYS_A_FORM, "{excused} rays hang on their own rounding");
     assert!(
         tally.failures.is_empty(),
         "{} rays differ: {missed} crossings missed, {invented} invented",
         tally.failures.len()
     );
+}
+
+#[test]
+fn lines_that_graze_a_cone_or_a_cylinder_cross_it_once() {
+    // Along a line of the surface, off it by 10^-9 at both ends of 8 metres: the quadratic's other root is far off, where rounding is large.
+    let tilt = 2.5e-10;
+    let mut random = Random(1);
+    for _ in 0..100 {
+        let axis = random.vector().normalize();
+        let across = axis.any_orthonormal_vector();
+        for (quadric, through, line, normal) in [
+            (Quadric::cylinder(DVec3::ZERO, axis, 0.7).unwrap(), 0.7 * across, axis, across),
+            (Quadric::cone(DVec3::ZERO, axis, 1.0).unwrap(), 5.0 * (axis + across), axis + across, across - axis),
+        ] {
+            let solid = Solid::from(FreeForm::new(quadric, vec![]).unwrap());
+            let (line, normal) = (line.normalize(), normal.normalize());
+            for side in [1.0, -1.0] {
+                let d = line + side * tilt * normal;
+                let mut inside = Vec::new();
+                solid.intervals(&Ray::new(through - 4.0 * d, d).between(0.0, 8.0), &mut inside);
+                let ends: Vec<f64> = inside.iter().flat_map(|i| [i.t_in, i.t_out]).collect();
+                let expected = if side > 0.0 { [0.0, 4.0] } else { [4.0, 8.0] };
+                // The point's own rounding, 10^-15, over the tilt.
+                let is_near = ends.len() == 2 && ends.iter().zip(expected).all(|(t, e)| (t - e).abs() < 1e-3);
+                assert!(is_near, "{quadric:?} towards {side}: {ends:?} instead of {expected:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -421,3 +421,26 @@ fn a_blend_is_met_by_rays_that_aim_at_its_origin() {
         assert!(hit.entering && (hit.t - origin.length() + 1.0).abs() < 1e-12, "{hit:?} from {origin}");
     }
 }
+
+#[test]
+fn a_ray_beside_a_blend_stays_outside_whatever_rounding_is_far_off() {
+    // Along two parallel planes that are blended, a little above them: far out, rounding of the ray is more than its height.
+    let half_space = |n: DVec3, depth: f64| -> Solid {
+        FreeForm::new(Quadric::half_space(-depth * n, n).expect("a direction"), vec![]).expect("sound").into()
+    };
+    for (n, d) in [
+        (DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, -1.0, 0.0)),
+        (DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 1.0, -1.0)),
+    ] {
+        let n = n.normalize();
+        let blend =
+            Solid::union(Psi::Blend { width: 0.1 }, vec![half_space(n, 0.0), half_space(n, 1.0)]).expect("parts");
+        for height in [1e-3, 1e-4, 1e-6] {
+            let ray = Ray::new(height * n, d.normalize());
+            assert!(blend.value(ray.origin) < 0.0, "outside");
+            let inside = intervals(&blend, &ray.between(0.0, 1e3));
+            assert!(inside.is_empty(), "{height} above {n}: {inside:?}");
+            assert!(intervals(&blend, &ray).first().is_none_or(|i| i.t_in > 1e6), "nor for long: {height} above {n}");
+        }
+    }
+}

@@ -44,7 +44,7 @@ pub(crate) fn render<S: Secondary>(
         side,
         scene_size,
     };
-    let mut index = radcache::Index::new(plan.validity(0.0, scene_size, scene_size));
+    let mut index = radcache::Index::new(plan.validity(0.0, side, scene_size));
     let mut irradiance = irradiance_cache::Index::default();
     let mut counts = Counts::default();
     let mut samples = 0;

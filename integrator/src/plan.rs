@@ -118,13 +118,14 @@ impl Plan {
         }
     }
 
-    /// The reach of records where a pixel is `footprint` metres wide at the surface, and a square picture of as many pixels would be `width` metres wide, in a scene
-    /// of `size` metres.
-    pub(crate) fn validity(&self, footprint: f32, width: f32, size: f32) -> Validity {
+    /// The reach of records where a pixel is `footprint` metres wide at the surface, in a picture of as many pixels as a square one of the given `side`, and a scene of
+    /// `size` metres.
+    pub(crate) fn validity(&self, footprint: f32, side: f32, size: f32) -> Validity {
+        let min_radius = MIN_PIXELS * (self.n as f32 / self.look_n as f32) * footprint;
         Validity {
             spacing: self.spacing,
-            min_radius: MIN_PIXELS * (self.n as f32 / self.look_n as f32) * footprint,
-            max_radius: MAX_SHARE * size.min(width),
+            min_radius,
+            max_radius: max_reach(footprint, side, size).max(min_radius),
             touching_distance: TOUCHING_SHARE * size,
             ..Validity::default()
         }
@@ -136,10 +137,16 @@ const GATHER_RESOLUTION: f32 = 16.0;
 /// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less serves fewer points
 /// than could be gathered for its rays.
 const MIN_PIXELS: f32 = 1.0;
-/// And at most this share of the scene, and of what the picture shows of it there: a record that is far from all bodies on a wide floor has no texel for those of a close-up.
+/// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a gather has missed come between, and a record far out on a
+/// wide floor has no texel for the bodies of a close-up.
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
+
+/// The farthest that any record reaches, metres; arguments as of [`Plan::validity`].
+pub(crate) fn max_reach(footprint: f32, side: f32, size: f32) -> f32 {
+    MAX_SHARE * size.min(footprint * side)
+}
 
 /// The samples that every pixel takes, and what decides how many more there are.
 fn primary_samples(settings: &Settings) -> (u32, Budget) {

@@ -77,12 +77,16 @@ impl Environment {
     #[inline]
     #[must_use]
     pub fn radiance(&self, direction: Vec3A) -> Vec3 {
+        // The same number from everywhere needs no angles.
         if self.pixels.len() == 1 { self.pixels[0] } else { self.radiance_at(direction_to_uv(direction)) }
     }
 
     /// Returns the radiance at a place of the picture that [`direction_to_uv`] gives.
     #[inline]
     pub(crate) fn radiance_at(&self, uv: Vec2) -> Vec3 {
+        if self.pixels.len() == 1 {
+            return self.pixels[0];
+        }
         let x = uv.x * self.width as f32 - 0.5;
         let y = (uv.y * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
         let (column, fx) = split(x);
@@ -134,6 +138,7 @@ mod tests {
             let exact = f64::from(i) * std::f64::consts::TAU / 10_000.0 - std::f64::consts::PI;
             let (y, x) = exact.sin_cos();
             let Vec2 { x, y } = glam::DVec2::new(3.0 * x, 3.0 * y).as_vec2();
+            // Two steps of a number near pi, one of each.
             assert!((atan2(y, x) - y.atan2(x)).abs() < 5e-7, "({x}, {y}): {} instead of {}", atan2(y, x), y.atan2(x));
         }
         assert!(atan2(0.0, 0.0).is_finite(), "at a pole");

@@ -60,6 +60,12 @@ impl Projection {
         Self { placement: *transform * self.placement, ..self }
     }
 
+    /// Whether u is an angle over a whole turn, so that there is a seam.
+    #[must_use]
+    pub fn runs_round(&self) -> bool {
+        self.shape == ProjectionShape::Spherical
+    }
+
     /// Returns the texture coordinates of a point with outward normal `n`, both of the world.
     #[must_use]
     pub fn coordinates(&self, p: DVec3, n: DVec3) -> DVec2 {

@@ -6,7 +6,7 @@ use radcache::Samples;
 
 use super::edges::TexelEdges;
 use super::record::{Record, RecordRules};
-use crate::plan::Plan;
+use crate::plan::{Plan, max_reach};
 use crate::surface_points::SurfacePoint;
 
 /// Makes records of what points see.
@@ -26,8 +26,6 @@ pub(crate) struct Recorder {
 
 /// Smallest radius of a record, pixels.
 const MIN_PIXELS: f32 = 1.5;
-/// Records reach at most this share of the scene, and of what the picture shows of it: farther than that, things that a gather has missed come between.
-const MAX_SHARE: f32 = 0.25;
 
 impl Recorder {
     /// Makes records for a picture of as many pixels as a square one of the given `side`, in a scene of `scene_size` metres.
@@ -57,7 +55,7 @@ impl Recorder {
         RecordRules {
             total_error: self.error * width * width,
             min_radius,
-            max_radius: (MAX_SHARE * self.scene_size.min(width)).max(min_radius),
+            max_radius: max_reach(footprint, self.side, self.scene_size).max(min_radius),
             by_hessian: self.by_hessian,
             gradients: self.gradients,
         }

@@ -269,7 +269,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
-        let validity: Validity = self.plan.validity(point.footprint, point.footprint * self.side, self.scene_size);
+        let validity: Validity = self.plan.validity(point.footprint, self.side, self.scene_size);
         let samples = self.gatherer.gather(surface, &frame, self.plan.look_n, hash(point.key), &mut rays);
         let look = self.look(&samples, &frame, point, weights);
         let enough = look.record.as_ref().map_or(0.0, |record| REPAID * record.reach());
