@@ -5,8 +5,8 @@
     python3 benches/form_meshes.py [--freelux PROGRAM] [--out FOLDER] [SCENE ...]
 
 Each form of a scene becomes one OBJ file by `freelux mesh`, and a copy of the scene names these files in the place of the forms. Both are
-rendered by the same command, and once more with another seed: the difference between two pictures of the form is noise, and what the mesh has beyond it is its shape. Of a form with
-copies one is meshed, and all are counted; such a scene is not rendered. A form without bounds stays.
+rendered by the same command, and once more with another seed: the difference between two pictures of the form is noise, and what the mesh has beyond it is its shape. A form
+without bounds stays. Of a form with copies one is meshed, and all are counted: such a scene is not rendered, but the part of it that CUTS names is, with a mesh of every copy.
 """
 
 import argparse
@@ -29,6 +29,10 @@ CASES = {
     "form-glass": (0.0015, []),
     "form-part": (0.015, ["--quality", "0.1"]),
     "form-field": (0.05, ["--quality", "0.3"]),
+}
+# Parts of scenes whose meshes would take all memory: name, and what is written in the place of what.
+CUTS = {
+    "form-field": ("400 of them", {"count = [100, 1, 100]": "count = [20, 1, 20]", "translate = [-40, 0, -80]": "translate = [-8, 0, -13]"}),
 }
 SIZE = "360x240"
 
@@ -53,8 +57,9 @@ def is_unbounded(form):
     return "clip" not in form and not {"sphere", "ellipsoid"} >= set(form.get("quadric", {}))
 
 
-def mesh_scene(freelux, scene, cell, folder):
-    """Writes the scene with meshes in the place of its forms; returns its path, triangles, bytes of OBJ, and the copies of the largest repeat."""
+def mesh_scene(freelux, scene, cell, folder, once):
+    """Writes the scene with meshes in the place of its forms, `once` without their copies; returns its path, triangles and bytes of OBJ of all copies, and the copies of
+    the largest repeat."""
     parts, triangles, size, most, number = [], 0, 0, 1, -1
     for table in tables(scene.read_text()):
         for picture in re.findall(r'^\w*texture = "(.*)"', table, flags=re.MULTILINE):
@@ -69,10 +74,11 @@ def mesh_scene(freelux, scene, cell, folder):
             continue
         copies = math.prod(form["repeat"]["count"]) if "repeat" in form else 1
         obj = folder / f"{scene.stem}-{number}.obj"
-        run([freelux, "mesh", scene, "--form", str(number), "--once", "--cell", str(cell), "--out", obj])
+        run([freelux, "mesh", scene, "--form", str(number), *(["--once"] if once else []), "--cell", str(cell), "--out", obj])
+        times = copies if once else 1
         with obj.open("rb") as lines:
-            triangles += copies * sum(line.startswith(b"f ") for line in lines)
-        size += copies * obj.stat().st_size
+            triangles += times * sum(line.startswith(b"f ") for line in lines)
+        size += times * obj.stat().st_size
         most = max(most, copies)
         material = f'material = "{form["material"]}"\n' if "material" in form else ""
         parts.append(f'[[mesh]]\nfile = "{obj.name}"\n{material}\n')
@@ -87,20 +93,19 @@ def flip(freelux, a, b):
     return float(re.search(r"^FLIP\s+(\S+)", told, flags=re.MULTILINE | re.IGNORECASE).group(1))
 
 
-def row(freelux, name, folder):
-    """Returns a line of the table."""
-    cell, options = CASES[name]
-    scene = SCENES / f"{name}.toml"
-    meshed, triangles, size, copies = mesh_scene(freelux, scene, cell, folder)
+def row(freelux, name, scene, folder, once):
+    """Returns a line of the table; `once` meshes one copy of each form and renders only scenes that have no more."""
+    cell, options = CASES[scene.stem.removesuffix("-cut")]
+    meshed, triangles, size, copies = mesh_scene(freelux, scene, cell, folder, once)
 
     def render(path, suffix, seed):
-        out = folder / f"{name}-{suffix}.exr"
+        out = folder / f"{scene.stem}-{suffix}.exr"
         return out, run([freelux, "render", path, "--size", SIZE, "--seed", seed, *options, "--out", out])
 
     own = scene.stat().st_size
     form, form_seconds = render(scene, "form", "0")
     mesh_seconds, difference = "not rendered", "-"
-    if copies == 1:
+    if copies == 1 or not once:
         again, _ = render(scene, "again", "1")
         mesh, seconds = render(meshed, "mesh", "1")
         mesh_seconds = f"{seconds:.1f}"
@@ -108,6 +113,16 @@ def row(freelux, name, folder):
     command = f" (`{' '.join(options)}`)" if options else ""
     return (f"| {name} | {own} | {cell} | {triangles} | {size} ({size / own:.0f} times) | {form_seconds:.1f}{command} | "
             f"{mesh_seconds} | {difference} |")
+
+
+def cut(scene, changes, folder):
+    """Writes a part of a scene; returns its path."""
+    text = scene.read_text()
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    part = folder / f"{scene.stem}-cut.toml"
+    part.write_text(text)
+    return part
 
 
 def main():
@@ -125,7 +140,11 @@ def main():
         folder = arguments.out or pathlib.Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         for name in arguments.scenes or CASES:
-            print(row(arguments.freelux, name, folder), flush=True)
+            scene = SCENES / f"{name}.toml"
+            print(row(arguments.freelux, name, scene, folder, True), flush=True)
+            if name in CUTS:
+                what, changes = CUTS[name]
+                print(row(arguments.freelux, f"{name}, {what}", cut(scene, changes, folder), folder, False), flush=True)
 
 
 if __name__ == "__main__":
