@@ -53,15 +53,27 @@ fn form(form: &FreeForm) -> Tree {
     })
 }
 
+/// Returns psi of two functions.
+fn union(psi: Psi, f: Tree, g: Tree) -> Tree {
+    match psi {
+        Psi::Maximum => f.max(g),
+        Psi::RFunction => f.clone() + g.clone() + (f.square() + g.square()).sqrt(),
+        Psi::Blend { width } => {
+            let near = (Tree::constant(1.0) - (f.clone() - g.clone()).abs() * width.recip()).max(0.0);
+            f.max(g) + near.clone() * near.square() * (width / 6.0)
+        }
+    }
+}
+
 /// Returns the negative inside of a body of [`benches::bodies`]: a form, or the first of its leaves and every second one, less the rest.
 fn expression(solid: &Solid) -> Tree {
     let forms: Vec<Tree> = solid.forms().iter().map(form).collect();
     let inside = match solid.operation() {
-        Some((Operation::Difference, _)) => {
+        Some((Operation::Difference, psi)) => {
             // The union comes first in the order of forms: the body and half of the leaves.
             let (joined, taken) = forms.split_at(1 + forms.len() / 2);
-            let union = joined.iter().cloned().reduce(|f, g| f.max(g)).expect("a body");
-            taken.iter().cloned().fold(union, |sum, g| sum.min(g.neg()))
+            let body = joined.iter().cloned().reduce(|f, g| union(psi, f, g)).expect("a body");
+            taken.iter().cloned().fold(body, |sum, g| union(psi, sum.neg(), g).neg())
         }
         _ => forms.into_iter().next().expect("one form"),
     };
@@ -87,20 +99,23 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (f64, T) {
 #[expect(clippy::print_stdout, reason = "the table is the result")]
 fn depth_pictures() {
     println!(
-        "| body | pixels/s by us | by fidget | times | pixels that only one has | depth that differs by more than a voxel |"
+        "| body | seconds to make, by us | by fidget | pixels/s by us | by fidget | times | pixels that only one has | depth that differs by more than a voxel |"
     );
-    println!("|---|---|---|---|---|---|");
-    let bodies = [0, 1, 8, 64].map(|n| (body_name(n), bumpy(n)));
+    println!("|---|---|---|---|---|---|---|---|");
+    let bodies = [0, 1, 8, 64, 512].map(|n| (body_name(n), bumpy(n)));
     let trees = [2, 10, 100].map(|n| (format!("tree of {n} leaves"), tree(n, Psi::Maximum)));
+    let blends = [2, 10, 100].map(|n| (format!("blend of {n} leaves"), tree(n, Psi::Blend { width: 0.2 })));
     let voxel = 2.0 * REACH / f64::from(SIZE);
     // Middles of pixels as fidget has them: the first column on the left edge, the first row a pixel below the upper.
     let at = |i: u32| REACH * (2.0 * f64::from(i) / f64::from(SIZE) - 1.0);
-    for (name, solid) in bodies.into_iter().chain(trees) {
+    for (name, solid) in bodies.into_iter().chain(trees).chain(blends) {
+        let text = solid.to_string();
+        let (our_making, solid) = timed(|| text.parse::<Solid>().expect("text is read back"));
         let (ours, depths) = timed(|| -> Vec<Option<f64>> {
             let pixels = (0..SIZE * SIZE).map(|k| DVec3::new(at(k % SIZE), -at(k / SIZE + 1), REACH));
             pixels.map(|eye| solid.first_hit(&Ray::new(eye, -DVec3::Z)).map(|hit| REACH - hit.t)).collect()
         });
-        let shape = JitShape::from(expression(&solid));
+        let (their_making, shape) = timed(|| JitShape::from(expression(&solid)));
         let config = VoxelRenderConfig { image_size: VoxelSize::from(SIZE), threads: None, ..Default::default() };
         let (theirs, picture) = timed(|| config.run(shape.clone()).expect("not cancelled").0);
         let (mut alone, mut off) = (0, 0);
@@ -116,7 +131,12 @@ fn depth_pictures() {
             }
         }
         let count = f64::from(SIZE * SIZE);
-        println!("| {name} | {:.2e} | {:.2e} | {:.2} | {alone} | {off} |", count / ours, count / theirs, theirs / ours);
+        println!(
+            "| {name} | {our_making:.1e} | {their_making:.1e} | {:.2e} | {:.2e} | {:.2} | {alone} | {off} |",
+            count / ours,
+            count / theirs,
+            theirs / ours
+        );
     }
 }
 
