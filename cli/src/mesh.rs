@@ -107,6 +107,6 @@ fn with_texture_coordinates(mesh: SurfaceMesh, form: &FormObject, description: &
     }
     match &form.projection {
         None => mesh.with_texture_coordinates(true, |p, _| form.solid.texture_coordinates(p)),
-        Some(projection) => mesh.with_texture_coordinates(projection.runs_round(), |p, n| projection.coordinates(p, n)),
+        Some(projection) => mesh.with_texture_coordinates(projection.runs_round(), projection.coordinates()),
     }
 }

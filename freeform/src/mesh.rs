@@ -56,25 +56,6 @@ const DIRECTIONS: usize = 7;
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]];
 
-impl SurfaceMesh {
-    /// Returns the mesh moved by a transformation that is not singular: the mesh of a copy of the solid. Outside stays outside.
-    #[must_use]
-    pub fn transformed(&self, transform: &DAffine3) -> Self {
-        let normal_matrix = transform.matrix3.inverse().transpose();
-        let (mut triangles, mut uv_triangles) = (self.triangles.clone(), self.uv_triangles.clone());
-        if transform.matrix3.determinant() < 0.0 {
-            triangles.iter_mut().chain(&mut uv_triangles).for_each(|triangle| triangle.swap(1, 2));
-        }
-        Self {
-            positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
-            normals: self.normals.iter().map(|&n| (normal_matrix * n).normalize_or_zero()).collect(),
-            triangles,
-            uvs: self.uvs.clone(),
-            uv_triangles,
-        }
-    }
-}
-
 impl Solid {
     /// Returns a mesh of cubes with sides of `cell`: a closed manifold whose vertices are on the surface.
     ///
@@ -111,6 +92,22 @@ impl Solid {
 }
 
 impl SurfaceMesh {
+    /// Returns the mesh moved by a transformation that is not singular: the mesh of a copy of the solid. Outside stays outside.
+    #[must_use]
+    pub fn transformed(&self, transform: &DAffine3) -> Self {
+        let normal_matrix = transform.matrix3.inverse().transpose();
+        let (mut triangles, mut uv_triangles) = (self.triangles.clone(), self.uv_triangles.clone());
+        if transform.matrix3.determinant() < 0.0 {
+            triangles.iter_mut().chain(&mut uv_triangles).for_each(|triangle| triangle.swap(1, 2));
+        }
+        Self {
+            positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
+            normals: self.normals.iter().map(|&n| (normal_matrix * n).normalize_or_zero()).collect(),
+            triangles,
+            uvs: self.uvs.clone(),
+            uv_triangles,
+        }
+    }
     /// Returns the mesh with texture coordinates: `uv` gives those of a point on a triangle with an outward normal.
     ///
     /// Where u is an angle over a whole turn, it `runs_round`: a triangle across the seam goes on beyond 0 or 1, as pictures do that are repeated.

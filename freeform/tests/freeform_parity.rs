@@ -165,21 +165,52 @@ fn random_ray(random: &mut Random, form: &FreeForm, solid: &Solid) -> RawRay {
 }
 
 /// What the crate finds.
-fn found(solid: &Solid, raw: &RawRay) -> Counted {
-    let ray = Ray::new(DVec3::from_array(raw.origin), DVec3::from_array(raw.direction)).between(raw.t_min, raw.t_max);
+fn found(solid: &Solid, ray: &Ray) -> (Counted, Vec<f64>) {
     let mut inside = Vec::new();
-    solid.intervals(&ray, &mut inside);
+    solid.intervals(ray, &mut inside);
     let crossings: Vec<f64> =
-        inside.iter().flat_map(|i| [i.t_in, i.t_out]).filter(|t| *t > raw.t_min && *t < raw.t_max).collect();
+        inside.iter().flat_map(|i| [i.t_in, i.t_out]).filter(|t| *t > ray.t_min && *t < ray.t_max).collect();
     assert!(crossings.windows(2).all(|pair| pair[0] < pair[1]), "crossings are in order: {crossings:?}");
-    let first = solid.first_hit(&ray);
+    let first = solid.first_hit(ray);
     assert_eq!(first.map(|c| c.t), crossings.first().copied(), "the first hit is the first crossing");
-    assert_eq!(solid.any_hit(&ray), first.is_some(), "any hit means a hit");
-    Counted {
+    assert_eq!(solid.any_hit(ray), first.is_some(), "any hit means a hit");
+    let counted = Counted {
         crossings: i32::try_from(crossings.len()).expect("few"),
-        starts_inside: inside.first().is_some_and(|i| i.t_in == raw.t_min),
-        ends_inside: inside.last().is_some_and(|i| i.t_out == raw.t_max),
-    }
+        starts_inside: inside.first().is_some_and(|i| i.t_in == ray.t_min),
+        ends_inside: inside.last().is_some_and(|i| i.t_out == ray.t_max),
+    };
+    (counted, crossings)
+}
+
+/// The ray as the crate has it.
+fn ray_of(raw: &RawRay) -> Ray {
+    Ray::new(DVec3::from_array(raw.origin), DVec3::from_array(raw.direction)).between(raw.t_min, raw.t_max)
+}
+
+/// A number that the environment sets.
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok().and_then(|n| n.parse().ok())
+}
+
+/// Counts what has these numbers on all processors: `count` adds one to a tally, `join` adds two tallies.
+fn on_all_threads<T: Default + Send>(
+    numbers: Range<u64>,
+    count: impl Fn(&mut T, u64) + Sync,
+    join: fn(T, T) -> T,
+) -> T {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        let (count, numbers) = (&count, &numbers);
+        let run = |first: usize| {
+            move || {
+                let mut tally = T::default();
+                numbers.clone().skip(first).step_by(threads).for_each(|number| count(&mut tally, number));
+                tally
+            }
+        };
+        let workers: Vec<_> = (0..threads).map(|first| scope.spawn(run(first))).collect();
+        workers.into_iter().map(|worker| worker.join().expect("no panic")).fold(T::default(), join)
+    })
 }
 
 /// What exact arithmetic says, and whether 16 copies with coefficients changed by 1e-14 agree. The copies come in pairs of opposite changes, so that a tangent
@@ -249,7 +280,7 @@ impl Tally {
         let solid = Solid::from(form.clone());
         for _ in 0..RAYS_A_FORM {
             let ray = random_ray(&mut random, &form, &solid);
-            let found = found(&solid, &ray);
+            let (found, _) = found(&solid, &ray_of(&ray));
             self.most = self.most.max(found.crossings);
             self.crossings += i64::from(found.crossings);
             let kind = match interval::count(&raw, &ray, 1e-14) {
@@ -303,29 +334,13 @@ type Draw = fn(&mut Random) -> RawForm;
 
 #[expect(clippy::print_stderr, reason = "the counts are the result; the test harness shows them on request")]
 fn assert_parity(draw: Draw) {
-    let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
     let rays = number("FREEFORM_PARITY_RAYS").unwrap_or(100_000);
     let forms = number("FREEFORM_PARITY_FROM").unwrap_or(0) / RAYS_A_FORM..rays.div_ceil(RAYS_A_FORM);
-    let threads = std::thread::available_parallelism().map_or(1, |n| u64::try_from(n.get()).expect("few"));
-    let part = |forms: Range<u64>| {
-        std::thread::scope(|scope| {
-            let run = |first: u64| {
-                let forms = forms.start + first..forms.end;
-                move || {
-                    let mut tally = Tally::default();
-                    forms.step_by(usize::try_from(threads).expect("few")).for_each(|index| tally.form(index, draw));
-                    tally
-                }
-            };
-            let workers: Vec<_> = (0..threads).map(|first| scope.spawn(run(first))).collect();
-            workers.into_iter().map(|worker| worker.join().expect("no panic")).fold(Tally::default(), Tally::join)
-        })
-    };
     let forms_a_report = RAYS_A_REPORT / RAYS_A_FORM;
     let starts = forms.clone().step_by(usize::try_from(forms_a_report).expect("few"));
     let tally = starts.fold(Tally::default(), |tally, first| {
         let last = forms.end.min(first + forms_a_report);
-        let part = part(first..last);
+        let part = on_all_threads(first..last, |tally: &mut Tally, index| tally.form(index, draw), Tally::join);
         for (index, ray, found, counted) in &part.failures {
             eprintln!("form {index}: {ray:?}: found {found:?}, exact {counted:?}");
         }
@@ -400,6 +415,6 @@ fn rays_that_were_missed_once_are_met() {
         let raw = random_form(&mut Random(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         let exact = exact::count(&raw, &ray).expect("decidable");
         assert_eq!(exact.crossings, 2, "form {index}: in and out");
-        assert_eq!(found(&Solid::from(build(&raw)), &ray), exact, "form {index}: both are found");
+        assert_eq!(found(&Solid::from(build(&raw)), &ray_of(&ray)).0, exact, "form {index}: both are found");
     }
 }

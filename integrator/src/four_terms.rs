@@ -33,18 +33,14 @@ pub(crate) fn render<S: Secondary>(
 ) -> Film {
     let mut film = Film::new(settings.size);
     let primary = Primary { scene, plan, secondary, sky, size: settings.size, seed: settings.seed };
-    let scene_size = 2.0 * scene.bounds().radius();
-    let side = (settings.size.element_product() as f32).sqrt();
     let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },
         plan,
-        recorder: has_cache.then(|| Recorder::new(plan, side, scene_size)),
+        recorder: has_cache.then(|| Recorder::new(plan)),
         witness,
-        side,
-        scene_size,
     };
-    let mut index = radcache::Index::new(plan.validity(0.0, side, scene_size));
+    let mut index = radcache::Index::new(plan.validity(0.0));
     let mut irradiance = irradiance_cache::Index::default();
     let mut counts = Counts::default();
     let mut samples = 0;

@@ -19,6 +19,10 @@ pub(crate) struct Plan {
     /// Resolution of a gather that becomes a record, and of one that does not.
     pub(crate) n: usize,
     pub(crate) look_n: usize,
+    /// Side of a square picture of as many pixels.
+    pub(crate) side: f32,
+    /// Size of the scene, metres.
+    pub(crate) scene_size: f32,
     /// How records are made.
     pub(crate) record: RecordSettings,
     /// Reach of records, as a share of the harmonic mean distance.
@@ -87,6 +91,8 @@ impl Plan {
             light_samples: study.light_samples.unwrap_or(if features.environment { 4 } else { 2 }),
             n,
             look_n,
+            side: (settings.size.element_product() as f32).sqrt(),
+            scene_size: 2.0 * scene.bounds().radius(),
             record: RecordSettings {
                 layers: study.layers.unwrap_or(32) as usize,
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
@@ -118,17 +124,21 @@ impl Plan {
         }
     }
 
-    /// The reach of records where a pixel is `footprint` metres wide at the surface, in a picture of as many pixels as a square one of the given `side`, and a scene of
-    /// `size` metres.
-    pub(crate) fn validity(&self, footprint: f32, side: f32, size: f32) -> Validity {
+    /// The reach of records where a pixel is `footprint` metres wide at the surface.
+    pub(crate) fn validity(&self, footprint: f32) -> Validity {
         let min_radius = MIN_PIXELS * (self.n as f32 / self.look_n as f32) * footprint;
         Validity {
             spacing: self.spacing,
             min_radius,
-            max_radius: max_reach(footprint, side, size).max(min_radius),
-            touching_distance: TOUCHING_SHARE * size,
+            max_radius: self.max_reach(footprint).max(min_radius),
+            touching_distance: TOUCHING_SHARE * self.scene_size,
             ..Validity::default()
         }
+    }
+
+    /// The farthest that any record reaches there, metres.
+    pub(crate) fn max_reach(&self, footprint: f32) -> f32 {
+        MAX_SHARE * self.scene_size.min(footprint * self.side)
     }
 }
 
@@ -142,11 +152,6 @@ const MIN_PIXELS: f32 = 1.0;
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
-
-/// The farthest that any record reaches, metres; arguments as of [`Plan::validity`].
-pub(crate) fn max_reach(footprint: f32, side: f32, size: f32) -> f32 {
-    MAX_SHARE * size.min(footprint * side)
-}
 
 /// The samples that every pixel takes, and what decides how many more there are.
 fn primary_samples(settings: &Settings) -> (u32, Budget) {

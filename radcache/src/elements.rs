@@ -6,6 +6,7 @@ use glam::Vec3A;
 use serde::{Deserialize, Serialize};
 
 use crate::merge::{Block, MergeSettings, merge};
+use crate::samples::append_directions;
 use crate::silhouette::{plane_distance, silhouettes};
 use crate::{MAX_RESOLUTION, Samples, depth_layers};
 
@@ -213,12 +214,8 @@ impl<'a> Grid<'a> {
         let sides = silhouettes(samples, &points);
         let coordinates: Vec<f32> = (0..=n).map(|i| i as f32 / n as f32).collect();
         let mut corners = Vec::with_capacity((n + 1) * (n + 1));
-        let [mut x, mut y, mut z] = [[0.0; MAX_RESOLUTION + 1]; 3];
         for &v in &coordinates {
-            let row = [v; MAX_RESOLUTION + 1];
-            let (x, y, z) = (&mut x[..=n], &mut y[..=n], &mut z[..=n]);
-            hemimap::square_to_cosine_hemisphere_slice(&coordinates, &row[..=n], x, y, z);
-            corners.extend((0..=n).map(|i| Vec3A::new(x[i], y[i], z[i])));
+            append_directions(&mut corners, &coordinates, &[v; MAX_RESOLUTION + 1][..=n]);
         }
         Self { samples, points, sides, corners }
     }

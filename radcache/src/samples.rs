@@ -96,14 +96,13 @@ impl Samples {
     pub fn directions(&self) -> Vec<Vec3A> {
         let n = self.n as usize;
         let mut directions = Vec::with_capacity(n * n);
-        let [mut u, mut v, mut x, mut y, mut z] = [[0.0; MAX_RESOLUTION]; 5];
+        let [mut u, mut v] = [[0.0; MAX_RESOLUTION]; 2];
         for (j, row) in self.jitter.chunks_exact(n).enumerate() {
             for (i, jitter) in row.iter().enumerate() {
                 u[i] = (i as f32 + jitter.x) / n as f32;
                 v[i] = (j as f32 + jitter.y) / n as f32;
             }
-            hemimap::square_to_cosine_hemisphere_slice(&u[..n], &v[..n], &mut x[..n], &mut y[..n], &mut z[..n]);
-            directions.extend((0..n).map(|i| Vec3A::new(x[i], y[i], z[i])));
+            append_directions(&mut directions, &u[..n], &v[..n]);
         }
         directions
     }
@@ -157,6 +156,14 @@ impl Samples {
     pub fn share_nearer_than(&self, limit: f32) -> f32 {
         self.distance.iter().filter(|&&d| d < limit).count() as f32 / self.distance.len() as f32
     }
+}
+
+/// Appends the directions to a row of points of the square, at most one more than a side has texels.
+pub(crate) fn append_directions(directions: &mut Vec<Vec3A>, u: &[f32], v: &[f32]) {
+    let n = u.len();
+    let [mut x, mut y, mut z] = [[0.0; MAX_RESOLUTION + 1]; 3];
+    hemimap::square_to_cosine_hemisphere_slice(u, v, &mut x[..n], &mut y[..n], &mut z[..n]);
+    directions.extend((0..n).map(|i| Vec3A::new(x[i], y[i], z[i])));
 }
 
 #[cfg(test)]

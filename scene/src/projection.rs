@@ -66,10 +66,10 @@ impl Projection {
         self.shape == ProjectionShape::Spherical
     }
 
-    /// Returns the texture coordinates of a point with outward normal `n`, both of the world.
-    #[must_use]
-    pub fn coordinates(&self, p: DVec3, n: DVec3) -> DVec2 {
-        Projector::new(self).coordinates(p, n)
+    /// Returns the function that gives the texture coordinates of a point and its outward normal, both of the world.
+    pub fn coordinates(&self) -> impl Fn(DVec3, DVec3) -> DVec2 + use<> {
+        let projector = Projector::new(self);
+        move |p, n| projector.coordinates(p, n)
     }
 
     /// Whether every number is finite and the frame can be inverted.
@@ -135,7 +135,7 @@ mod tests {
         let projection = Projection::planar(origin, right, up).unwrap();
         for (a, b, c) in [(0.0, 0.0, 0.0), (1.0, 0.0, 5.0), (0.25, -3.5, -2.0)] {
             let p = origin + a * right + b * up + c * right.cross(up);
-            assert_near(projection.coordinates(p, DVec3::X), a, b, "anywhere along the normal");
+            assert_near(projection.coordinates()(p, DVec3::X), a, b, "anywhere along the normal");
         }
         assert!(Projection::planar(origin, right, -2.0 * right).is_none(), "parallel vectors span nothing");
     }
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn a_globe_has_its_middle_in_front() {
         let projection = Projection::spherical(DVec3::Y, DVec3::Z, DVec3::new(3.0, 0.0, 7.0)).unwrap();
-        let at = |d: DVec3| projection.coordinates(DVec3::Y + 2.0 * d, DVec3::X);
+        let at = |d: DVec3| projection.coordinates()(DVec3::Y + 2.0 * d, DVec3::X);
         assert_near(at(DVec3::X), 0.5, 0.5, "front");
         assert_near(at(DVec3::Y), 0.75, 0.5, "to the right of the picture's middle as seen from outside");
         assert_near(at(-DVec3::Y), 0.25, 0.5, "to the left");
@@ -168,7 +168,7 @@ mod tests {
             assert_eq!(right.cross(up), n, "right-handed as seen from outside");
             let p = DVec3::ONE + 5.0 * n + 0.5 * right - 0.25 * up;
             let tilted = n + 0.3 * right + 0.2 * up;
-            assert_near(projection.coordinates(p, tilted), 0.75, 0.375, "the side is chosen by the normal");
+            assert_near(projection.coordinates()(p, tilted), 0.75, 0.375, "the side is chosen by the normal");
         }
     }
 
@@ -186,8 +186,8 @@ mod tests {
             Projection::spherical(DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap(),
             Projection::cube(DVec3::Y, 0.3),
         ] {
-            let here = projection.coordinates(p, n);
-            let there = projection.transformed(&transform).coordinates(transform.transform_point3(p), moved_n);
+            let here = projection.coordinates()(p, n);
+            let there = projection.transformed(&transform).coordinates()(transform.transform_point3(p), moved_n);
             assert_near(there, here.x, here.y, "the same place of the picture");
         }
     }

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::oracle::tree::RawTree;
 use super::oracle::{Counted, RawForm, RawRay, blend, interval};
-use super::{Random, random_body, random_form, random_named, random_ray};
+use super::{Random, found, number, on_all_threads, random_body, random_form, random_named, random_ray, ray_of};
 
 const RAYS_A_TREE: u64 = 20;
 /// Coordinates of rays are multiples of this, so that they can be moved without rounding.
@@ -61,22 +61,6 @@ fn ranged(tree: &RawTree, forms: &[RawForm], ray: &RawRay, spread: f64) -> Optio
     let counted = blend::find(tree, forms, ray, spread, &mut places)?;
     let apart = places.windows(2).all(|pair| pair[0].1 + APART < pair[1].0);
     (apart && places.iter().all(|(lo, hi)| hi - lo < NEAR)).then_some((counted, places))
-}
-
-/// Returns what the crate finds.
-fn found(solid: &Solid, ray: &Ray) -> (Counted, Vec<f64>) {
-    let mut inside = Vec::new();
-    solid.intervals(ray, &mut inside);
-    let ends: Vec<f64> =
-        inside.iter().flat_map(|i| [i.t_in, i.t_out]).filter(|t| *t > ray.t_min && *t < ray.t_max).collect();
-    let first = solid.first_hit(ray);
-    assert_eq!(first.map(|c| c.t), ends.first().copied(), "the first hit is the first crossing");
-    let counted = Counted {
-        crossings: i32::try_from(ends.len()).expect("few"),
-        starts_inside: inside.first().is_some_and(|i| i.t_in == ray.t_min),
-        ends_inside: inside.last().is_some_and(|i| i.t_out == ray.t_max),
-    };
-    (counted, ends)
 }
 
 /// Returns the form scaled by 2^k, without rounding, about `origin`.
@@ -142,7 +126,7 @@ impl Tally {
             ray.origin = ray.origin.map(|x| (x / GRID).round() * GRID);
             (ray.t_min, ray.t_max) = (ray.t_min.max(-9.0), ray.t_max.min(9.0));
             let (o, d) = (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction));
-            let here = found(&solid, &Ray::new(o, d).between(ray.t_min, ray.t_max));
+            let here = found(&solid, &ray_of(&ray));
             let size = 2_f64.powi(k);
             let there = found(&moved, &Ray::new(size * o + far, size * d).between(ray.t_min, ray.t_max));
             let settle = |spread: f64| match kind {
@@ -198,22 +182,9 @@ impl Kind {
 
 #[expect(clippy::print_stderr, reason = "the counts are the result; the test harness shows them on request")]
 fn assert_parity(kind: Kind) {
-    let rays: u64 = std::env::var("FREEFORM_PARITY_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
-    let threads = std::thread::available_parallelism().map_or(1, |n| u64::try_from(n.get()).expect("few"));
-    let trees = rays.div_ceil(RAYS_A_TREE);
-    let tally = std::thread::scope(|scope| {
-        let run = |first: u64| {
-            move || {
-                let mut tally = Tally::default();
-                (first..trees)
-                    .step_by(usize::try_from(threads).expect("few"))
-                    .for_each(|index| tally.tree(index, kind));
-                tally
-            }
-        };
-        let workers: Vec<_> = (0..threads).map(|first| scope.spawn(run(first))).collect();
-        workers.into_iter().map(|worker| worker.join().expect("no panic")).fold(Tally::default(), Tally::join)
-    });
+    let rays = number("FREEFORM_PARITY_RAYS").unwrap_or(20_000);
+    let trees = 0..rays.div_ceil(RAYS_A_TREE);
+    let tally = on_all_threads(trees, |tally: &mut Tally, index| tally.tree(index, kind), Tally::join);
     eprintln!("{rays} rays through trees of {kind:?}: {tally:?}");
     assert!(tally.settled * 10 > rays * 7, "{} of {rays} rays are settled", tally.settled);
     assert!(tally.open_far * 1000 < rays, "{} of {rays} rays differ from afar", tally.open_far);

@@ -6,7 +6,7 @@ use radcache::Samples;
 
 use super::edges::TexelEdges;
 use super::record::{Record, RecordRules};
-use crate::plan::{Plan, max_reach};
+use crate::plan::Plan;
 use crate::surface_points::SurfacePoint;
 
 /// Makes records of what points see.
@@ -14,27 +14,18 @@ use crate::surface_points::SurfacePoint;
 pub(crate) struct Recorder {
     /// The edges of textures of the resolutions that points see by.
     edges: Vec<TexelEdges>,
-    /// See [`Plan::error`].
-    error: f32,
-    by_hessian: bool,
-    gradients: bool,
-    /// Side of a square picture of as many pixels.
-    side: f32,
-    /// Size of the scene, metres.
-    scene_size: f32,
+    plan: Plan,
 }
 
 /// Smallest radius of a record, pixels.
 const MIN_PIXELS: f32 = 1.5;
 
 impl Recorder {
-    /// Makes records for a picture of as many pixels as a square one of the given `side`, in a scene of `scene_size` metres.
-    pub(crate) fn new(plan: &Plan, side: f32, scene_size: f32) -> Self {
+    /// Makes records as the plan has them.
+    pub(crate) fn new(plan: &Plan) -> Self {
         let mut resolutions = vec![plan.n, plan.look_n];
         resolutions.dedup();
-        let edges = resolutions.into_iter().map(TexelEdges::new).collect();
-        let Plan { error, by_hessian, gradients, .. } = *plan;
-        Self { edges, error, by_hessian, gradients, side, scene_size }
+        Self { edges: resolutions.into_iter().map(TexelEdges::new).collect(), plan: plan.clone() }
     }
 
     /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`.
@@ -50,14 +41,15 @@ impl Recorder {
     /// The rules for a record where a pixel is `footprint` metres wide. An error counts by the share of the picture that it takes: that
     /// makes the number of records the same for any number of pixels, and for any unit of length.
     fn rules(&self, footprint: f32) -> RecordRules {
-        let width = footprint * self.side;
+        let plan = &self.plan;
+        let width = footprint * plan.side;
         let min_radius = MIN_PIXELS * footprint;
         RecordRules {
-            total_error: self.error * width * width,
+            total_error: plan.error * width * width,
             min_radius,
-            max_radius: max_reach(footprint, self.side, self.scene_size).max(min_radius),
-            by_hessian: self.by_hessian,
-            gradients: self.gradients,
+            max_radius: plan.max_reach(footprint).max(min_radius),
+            by_hessian: plan.by_hessian,
+            gradients: plan.gradients,
         }
     }
 }

@@ -65,10 +65,6 @@ pub(crate) struct IndirectTerm<'a, S> {
     pub(crate) recorder: Option<Recorder>,
     /// Who writes down what happens at the points of one pixel, if anybody does.
     pub(crate) witness: Option<&'a Witness>,
-    /// Side of a square picture of as many pixels.
-    pub(crate) side: f32,
-    /// Size of the scene, metres.
-    pub(crate) scene_size: f32,
 }
 
 /// Smallest batch of records, and the share of the missing ones that a batch takes: a batch must leave room for its records to
@@ -269,7 +265,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
-        let validity: Validity = self.plan.validity(point.footprint, self.side, self.scene_size);
+        let validity: Validity = self.plan.validity(point.footprint);
         let samples = self.gatherer.gather(surface, &frame, self.plan.look_n, hash(point.key), &mut rays);
         let look = self.look(&samples, &frame, point, weights);
         let enough = look.record.as_ref().map_or(0.0, |record| REPAID * record.reach());
