@@ -215,7 +215,7 @@ impl CellBuilder<'_> {
             }
         }
         for point in points {
-            row.caustic += self.photons.blurred_caustic_irradiance(&point.surface) / points.len() as f32;
+            row.caustic += self.photons.caustic_irradiance(&point.surface) / points.len() as f32;
         }
         row.source += row.caustic;
         row
@@ -274,7 +274,7 @@ impl Visitor for LinkWalk<'_> {
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        self.builder.photons.blurred_caustic_irradiance(surface)
+        self.builder.photons.quick_caustic_irradiance(surface)
     }
 }
 
@@ -349,9 +349,9 @@ impl Secondary for CellSource<'_> {
         self.photons.caustic_irradiance(surface)
     }
 
-    fn blurred_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+    fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         let cell = self.cells.cell_of(surface);
-        cell.map_or_else(|| self.photons.blurred_caustic_irradiance(surface), |cell| self.cells.caustic[cell as usize])
+        cell.map_or_else(|| self.photons.quick_caustic_irradiance(surface), |cell| self.cells.caustic[cell as usize])
     }
 }
 

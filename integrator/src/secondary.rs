@@ -29,8 +29,8 @@ pub trait Secondary: Sync {
     /// Irradiance that came by mirrors or glass alone: the caustics. Zero in a scene without them.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
 
-    /// The same where a blur does no harm, at surfaces that gather rays meet; by a quicker way if there is one.
-    fn blurred_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+    /// The same at surfaces that gather rays meet, where it need not be as exact; by a quicker way if there is one.
+    fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         self.caustic_irradiance(surface)
     }
 }
@@ -119,7 +119,7 @@ impl<S: Secondary> Visitor for Answer<'_, S> {
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        self.follower.secondary.blurred_caustic_irradiance(surface)
+        self.follower.secondary.quick_caustic_irradiance(surface)
     }
 }
 

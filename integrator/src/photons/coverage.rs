@@ -8,13 +8,32 @@ use glam::Vec3A;
 use hemimap::{Frame, square_to_disk};
 use scene::{Ray, Scene};
 
-use super::map::{Kernel, SAME_NORMAL, SAME_PLANE};
+use super::map::{SAME_NORMAL, SAME_PLANE};
 use crate::Rng;
 
 /// Tested points in a row of the square that is mapped to the disc.
 const ROW: u32 = 4;
 /// Rays that a test takes, the one to its apex included.
 pub(super) const RAYS: usize = (ROW * ROW) as usize + 1;
+
+/// How photons inside a disc count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kernel {
+    /// All alike.
+    Constant,
+    /// By 2 (1 - d^2 / r^2) (Epanechnikov), which blurs less at equal noise where the irradiance changes.
+    Epanechnikov,
+}
+
+impl Kernel {
+    /// What a photon counts at this square of its distance, as a share of the radius: 1 in the mean.
+    pub(super) fn weight(self, distance_sq: f32) -> f32 {
+        match self {
+            Self::Constant => 1.0,
+            Self::Epanechnikov => 2.0 * (1.0 - distance_sq),
+        }
+    }
+}
 
 /// Returns the share of the disc around `p`, in the plane of the unit normal `n`, that is surface of the same kind as photons must
 /// lie on to count, and visible from above; in [1/16, 1], for the point itself is there.

@@ -1,4 +1,4 @@
-//! Irradiance from photons: the flux of the nearest ones over the area on which they lie.
+//! Irradiance from photons of all ways of light: the flux of the nearest ones over the area on which they lie.
 //!
 //! ```text
 //! E = sum of the flux of the k - 1 nearest photons that lie on this surface / (pi r^2)
@@ -28,25 +28,6 @@ pub(super) const SAME_PLANE: f32 = 0.25;
 const RADIUS_LIMIT: f32 = 4.0;
 /// Distances from which the median is taken, at most.
 const RADIUS_SAMPLES: usize = 512;
-
-/// How photons inside the search radius count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kernel {
-    /// All alike.
-    Constant,
-    /// By 2 (1 - d^2 / r^2) (Epanechnikov), which blurs less at equal noise where the irradiance changes.
-    Epanechnikov,
-}
-
-impl Kernel {
-    /// What a photon counts at this square of its distance, as a share of the radius.
-    pub(super) fn weight(self, distance_sq: f32) -> f32 {
-        match self {
-            Self::Constant => 1.0,
-            Self::Epanechnikov => 2.0 * (1.0 - distance_sq),
-        }
-    }
-}
 
 /// An irradiance estimated from photons.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,22 +61,12 @@ impl PhotonMap {
         &self.photons
     }
 
-    pub(super) fn memory_bytes(&self) -> u64 {
-        // The tree holds positions and indices once more.
-        self.photons.memory_bytes() + (self.photons.len() * 2 * size_of::<[f32; 4]>()) as u64
-    }
-
     /// Returns the irradiance at `p` on the side of the unit normal `n`; 0, with the limit as its radius, where no photon is near.
-    pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A, kernel: Kernel) -> Irradiance {
-        self.irradiance_by(self.neighbours, p, n, kernel)
-    }
-
-    /// The same by another number of photons.
-    pub(super) fn irradiance_by(&self, neighbours: usize, p: Vec3A, n: Vec3A, kernel: Kernel) -> Irradiance {
-        let near = nearest(&self.tree, p, neighbours, self.max_radius);
+    pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Irradiance {
+        let near = nearest(&self.tree, p, self.neighbours, self.max_radius);
         // The search ends at the k-th photon, which then does not count itself, or at the limit.
         let (counted, radius_sq) = match near.split_last() {
-            Some((last, others)) if near.len() == neighbours => (others, last.distance),
+            Some((last, others)) if near.len() == self.neighbours => (others, last.distance),
             _ => (near.as_slice(), self.max_radius * self.max_radius),
         };
         let radius = radius_sq.sqrt();
@@ -105,7 +76,7 @@ impl PhotonMap {
             let offset = Vec3A::from(self.photons.positions[index]) - p;
             let is_here = self.photons.normals[index].dot(n) > SAME_NORMAL && offset.dot(n).abs() < SAME_PLANE * radius;
             if is_here {
-                flux += self.photons.flux[index] * kernel.weight(photon.distance / radius_sq);
+                flux += self.photons.flux[index];
             }
         }
         let area = PI * radius_sq;
@@ -151,8 +122,8 @@ const CANDIDATES: usize = 16;
 
 impl IrradianceMap {
     /// Builds the map of estimates at points with their normals; `None` where there are none.
-    pub(super) fn new(points: Vec<([f32; 3], Vec3A, Irradiance)>) -> Option<Self> {
-        let positions: Vec<[f32; 3]> = points.iter().map(|point| point.0).collect();
+    pub(super) fn new(points: Vec<(Vec3A, Vec3A, Irradiance)>) -> Option<Self> {
+        let positions: Vec<[f32; 3]> = points.iter().map(|point| point.0.to_array()).collect();
         let tree = tree(&positions)?;
         let (normals, estimates) = points.into_iter().map(|(_, normal, estimate)| (normal, estimate)).unzip();
         Some(Self { positions, normals, estimates, tree })
@@ -184,7 +155,7 @@ impl IrradianceMap {
     }
 }
 
-fn tree(positions: &[[f32; 3]]) -> Option<ImmutableKdTree<f32, 3>> {
+pub(super) fn tree(positions: &[[f32; 3]]) -> Option<ImmutableKdTree<f32, 3>> {
     if positions.is_empty() {
         return None;
     }
@@ -194,7 +165,7 @@ fn tree(positions: &[[f32; 3]]) -> Option<ImmutableKdTree<f32, 3>> {
 type Found = kiddo::QueryResultItem<(), u32, f32>;
 
 /// Returns the nearest points by distance, which is squared.
-fn nearest(tree: &ImmutableKdTree<f32, 3>, p: Vec3A, count: usize, radius: f32) -> Vec<Found> {
+pub(super) fn nearest(tree: &ImmutableKdTree<f32, 3>, p: Vec3A, count: usize, radius: f32) -> Vec<Found> {
     let Some(count) = NonZero::new(count) else { return Vec::new() };
     let query = p.to_array();
     if radius.is_finite() {
@@ -230,20 +201,19 @@ mod tests {
     fn density_is_unbiased_inside() {
         // r is about sqrt(50 / (pi 50,000)) = 0.018: 24 x 24 points, 0.036 apart, are nearly independent.
         let map = PhotonMap::new(floor(), 50, None).unwrap();
-        for (kernel, deviation) in [(Kernel::Constant, 0.1443), (Kernel::Epanechnikov, 0.1667)] {
-            let values: Vec<f32> = (0..576u16)
-                .map(|i| {
-                    let (x, y) = (f32::from(i % 24), f32::from(i / 24));
-                    let p = Vec3A::new(0.08 + 0.036 * x, 0.08 + 0.036 * y, 0.0);
-                    map.irradiance(p, Vec3A::Z, kernel).irradiance.x
-                })
-                .collect();
-            let mean = values.iter().sum::<f32>() / 576.0;
-            let spread = (values.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / 575.0).sqrt();
-            // 4.5 of 0.1443 / 24, and of 1 / sqrt(2 * 575) for the deviation; k instead of k - 1 would be off by 3.3 deviations.
-            assert!((mean - 1.0).abs() < 4.5 * deviation / 24.0, "{kernel:?}: mean {mean}");
-            assert!((spread / deviation - 1.0).abs() < 0.135, "{kernel:?}: deviation {spread} for {deviation}");
-        }
+        let deviation = 0.1443;
+        let values: Vec<f32> = (0..576u16)
+            .map(|i| {
+                let (x, y) = (f32::from(i % 24), f32::from(i / 24));
+                let p = Vec3A::new(0.08 + 0.036 * x, 0.08 + 0.036 * y, 0.0);
+                map.irradiance(p, Vec3A::Z).irradiance.x
+            })
+            .collect();
+        let mean = values.iter().sum::<f32>() / 576.0;
+        let spread = (values.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / 575.0).sqrt();
+        // 4.5 of 0.1443 / 24, and of 1 / sqrt(2 * 575) for the deviation; k instead of k - 1 would be off by 3.3 deviations.
+        assert!((mean - 1.0).abs() < 4.5 * deviation / 24.0, "mean {mean}");
+        assert!((spread / deviation - 1.0).abs() < 0.135, "deviation {spread} for {deviation}");
     }
 
     #[test]
@@ -252,13 +222,13 @@ mod tests {
         let map = PhotonMap::new(floor(), 1 << 20, Some(0.1)).unwrap();
         let mean = |x: f32| {
             let along = (0..16u8).map(|i| Vec3A::new(x, 0.15 + 0.045 * f32::from(i), 0.0));
-            along.map(|p| map.irradiance(p, Vec3A::Z, Kernel::Constant).irradiance.x).sum::<f32>() / 16.0
+            along.map(|p| map.irradiance(p, Vec3A::Z).irradiance.x).sum::<f32>() / 16.0
         };
         for (t, share) in EDGE {
             let found = mean(0.1 * t);
             assert!((found / share - 1.0).abs() < 0.05, "t = {t}: {found} instead of {share}");
         }
-        let corner = map.irradiance(Vec3A::ZERO, Vec3A::Z, Kernel::Constant).irradiance.x;
+        let corner = map.irradiance(Vec3A::ZERO, Vec3A::Z).irradiance.x;
         // Some 390 photons: 5 %, 4.5 deviations.
         assert!((corner - 0.25).abs() < 0.06, "corner {corner}");
     }
@@ -280,7 +250,7 @@ mod tests {
         let among = PhotonMap::new(photons, 1 << 20, Some(0.1)).unwrap();
         for x in [0.0, 0.01, 0.05, 0.3] {
             let p = Vec3A::new(x, 0.4, 0.0);
-            let value = |map: &PhotonMap| map.irradiance(p, Vec3A::Z, Kernel::Constant).irradiance.x;
+            let value = |map: &PhotonMap| map.irradiance(p, Vec3A::Z).irradiance.x;
             let (alone, among) = (value(&alone), value(&among));
             assert!((among / alone - 1.0).abs() < 1e-5, "x = {x}: {among} and alone {alone}");
         }
@@ -295,7 +265,7 @@ mod tests {
             photons.flux.truncate(count);
             photons.flux.fill(Vec3::ONE);
             let map = PhotonMap::new(photons, 50, Some(2.0)).unwrap();
-            let found = map.irradiance(Vec3A::new(0.5, 0.5, 0.0), Vec3A::Z, Kernel::Constant);
+            let found = map.irradiance(Vec3A::new(0.5, 0.5, 0.0), Vec3A::Z);
             let expected = count as f32 / (PI * 4.0);
             assert!((found.irradiance.x / expected - 1.0).abs() < 1e-5, "{count}: {found:?}");
         }
@@ -307,7 +277,7 @@ mod tests {
         let mut photons = floor();
         photons.positions.fill([0.5, 0.5, 0.0]);
         let map = PhotonMap::new(photons, 50, None).unwrap();
-        let found = map.irradiance(Vec3A::new(0.5, 0.5, 0.0), Vec3A::Z, Kernel::Epanechnikov);
+        let found = map.irradiance(Vec3A::new(0.5, 0.5, 0.0), Vec3A::Z);
         assert_eq!(found.irradiance, Vec3::ZERO, "a beam without width is not a number, nor infinite");
     }
 

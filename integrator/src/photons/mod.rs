@@ -5,6 +5,7 @@
 //! alone (light S+ diffuse); it is what the eye sees of caustics. Each is shot only where the scene has something for it. The
 //! global map includes caustics, so the two must never be added.
 
+mod caustic;
 mod coverage;
 mod guide;
 mod map;
@@ -18,17 +19,15 @@ use scene::{Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use crate::{Known, RayCounts, Secondary, hash_pair};
-use coverage::covered_share;
+use caustic::CausticMap;
+use coverage::{Kernel, covered_share};
 pub use map::Irradiance;
-use map::{IrradianceMap, Kernel, PhotonMap};
+use map::{IrradianceMap, PhotonMap};
 pub use shoot::FluxBalance;
 use shoot::{Kind, shoot};
 
-/// Irradiance is estimated beforehand at one photon of so many. Caustics with one of 16 lost half a percent of light in a hall, at their edges.
+/// Irradiance of the global map is estimated beforehand at one photon of so many.
 const PRECOMPUTED_SHARE: usize = 4;
-/// Caustics are estimated beforehand by fewer photons than those that are seen: whoever looks them up takes the mean over many places, so noise matters less than
-/// that an estimate by nearest photons is too bright beside a focus (1.2 % in a pool with 80 of them, half of it with 20).
-const BLURRED_SHARE: u32 = 4;
 /// With fewer photons than this it is estimated at all of them.
 const FEW_PHOTONS: usize = 4096;
 
@@ -89,8 +88,7 @@ pub struct PhotonCounts {
 #[derive(Debug)]
 pub struct PhotonMaps {
     global: Option<IrradianceMap>,
-    caustic: Option<PhotonMap>,
-    blurred_caustic: Option<IrradianceMap>,
+    caustic: Option<CausticMap>,
     /// Counts of the global map; all 0 where it was not made.
     pub global_counts: PhotonCounts,
     /// Counts of the caustic map; all 0 where it was not made.
@@ -107,7 +105,6 @@ impl PhotonMaps {
         let mut maps = Self {
             global: None,
             caustic: None,
-            blurred_caustic: None,
             global_counts: PhotonCounts::default(),
             caustic_counts: PhotonCounts::default(),
             rays: RayCounts::default(),
@@ -116,17 +113,13 @@ impl PhotonMaps {
             let start = Instant::now();
             let photons = maps.shoot_kind(scene, Kind::Global, settings);
             let map = PhotonMap::new(photons, settings.neighbours, settings.max_radius);
-            maps.global = map.and_then(|map| maps.precompute(scene, &map, settings.neighbours, settings.seed));
+            maps.global = map.and_then(|map| maps.precompute(scene, &map, settings.seed));
             maps.global_counts.seconds = start.elapsed().as_secs_f64();
         }
         if settings.caustic && features.delta && features.diffuse {
             let start = Instant::now();
             let photons = maps.shoot_kind(scene, Kind::Caustic, settings);
-            let map = PhotonMap::new(photons, settings.caustic_neighbours, settings.max_radius);
-            let blurred = map.as_ref().and_then(|map| {
-                maps.precompute(scene, map, settings.caustic_neighbours / BLURRED_SHARE, settings.seed)
-            });
-            (maps.caustic, maps.blurred_caustic) = (map, blurred);
+            maps.caustic = CausticMap::new(&photons, settings.caustic_neighbours, settings.max_radius);
             maps.caustic_counts.seconds = start.elapsed().as_secs_f64();
         }
         maps
@@ -144,12 +137,12 @@ impl PhotonMaps {
 
     /// Returns the irradiance of light that came by mirrors and glass alone, at `p` on the side of the unit geometric normal `n`.
     ///
-    /// Estimated with an Epanechnikov kernel, unbiased where the irradiance changes linearly within the radius, blurred where it does not, and
-    /// divided by the share of the disc that is surface, found with a few short rays: beside edges it would be too dark.
+    /// Each photon spreads its flux over a disc of its own, so that caustics are blurred but neither gain nor lose light; the sum is divided by the share of
+    /// the discs that is surface, found with a few short rays: beside edges it would be too dark.
     #[must_use]
     pub fn caustic_irradiance(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> Vec3 {
         let Some(map) = &self.caustic else { return Vec3::ZERO };
-        let estimate = map.irradiance(p, n, Kernel::Epanechnikov);
+        let estimate = map.irradiance(p, n);
         if estimate.irradiance == Vec3::ZERO {
             return Vec3::ZERO;
         }
@@ -158,12 +151,10 @@ impl PhotonMaps {
         estimate.irradiance / covered_share(scene, p, n, estimate.radius, Kernel::Epanechnikov, seed)
     }
 
-    /// The same as it was estimated beforehand at the nearest of some photons, so that it is constant in cells and takes one search for one
-    /// point: for surfaces that only gather rays meet. 0 where no photon is near on the same surface.
+    /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet.
     #[must_use]
-    pub fn blurred_caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
-        let found = self.blurred_caustic.as_ref().and_then(|map| map.lookup(p, n));
-        found.map_or(Vec3::ZERO, |found| found.irradiance)
+    pub fn quick_caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
+        self.caustic.as_ref().map_or(Vec3::ZERO, |map| map.irradiance(p, n).irradiance)
     }
 
     /// Whether there is any caustic light to look up.
@@ -176,8 +167,7 @@ impl PhotonMaps {
     #[must_use]
     pub fn memory_bytes(&self) -> u64 {
         self.global.as_ref().map_or(0, IrradianceMap::memory_bytes)
-            + self.caustic.as_ref().map_or(0, PhotonMap::memory_bytes)
-            + self.blurred_caustic.as_ref().map_or(0, IrradianceMap::memory_bytes)
+            + self.caustic.as_ref().map_or(0, CausticMap::memory_bytes)
     }
 
     fn shoot_kind(&mut self, scene: &Scene, kind: Kind, settings: &PhotonSettings) -> shoot::Photons {
@@ -195,7 +185,7 @@ impl PhotonMaps {
     }
 
     /// Estimates irradiance at a share of the photons, corrected for the part of each disc that is surface.
-    fn precompute(&mut self, scene: &Scene, map: &PhotonMap, neighbours: u32, seed: u64) -> Option<IrradianceMap> {
+    fn precompute(&mut self, scene: &Scene, map: &PhotonMap, seed: u64) -> Option<IrradianceMap> {
         let photons = map.photons();
         let step = if photons.len() < FEW_PHOTONS { 1 } else { PRECOMPUTED_SHARE };
         let indices: Vec<usize> = (0..photons.len()).step_by(step).collect();
@@ -204,12 +194,12 @@ impl PhotonMaps {
             .map(|index| {
                 let (position, normal) = (photons.positions[index], photons.normals[index]);
                 let p = Vec3A::from(position);
-                let mut estimate = map.irradiance_by(neighbours.max(2) as usize, p, normal, Kernel::Constant);
+                let mut estimate = map.irradiance(p, normal);
                 if estimate.irradiance != Vec3::ZERO {
                     let stream = hash_pair(seed, index as u64);
                     estimate.irradiance /= covered_share(scene, p, normal, estimate.radius, Kernel::Constant, stream);
                 }
-                (position, normal, estimate)
+                (p, normal, estimate)
             })
             .collect();
         self.rays.photon += (points.len() * coverage::RAYS) as u64;
@@ -236,7 +226,7 @@ impl Secondary for PhotonSource<'_> {
         self.maps.caustic_irradiance(self.scene, surface.p, surface.ng)
     }
 
-    fn blurred_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        self.maps.blurred_caustic_irradiance(surface.p, surface.ng)
+    fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+        self.maps.quick_caustic_irradiance(surface.p, surface.ng)
     }
 }

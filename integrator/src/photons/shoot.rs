@@ -75,10 +75,6 @@ impl Photons {
         self.normals.append(&mut other.normals);
         self.flux.append(&mut other.flux);
     }
-
-    pub(super) fn memory_bytes(&self) -> u64 {
-        (self.len() * (size_of::<[f32; 3]>() + size_of::<Vec3A>() + size_of::<Vec3>())) as u64
-    }
 }
 
 /// Where the flux went, W by channel: emitted = absorbed + escaped + stopped + roulette, but for rounding.

@@ -1,0 +1,282 @@
+//! Irradiance by caustics: each photon spreads its flux over a disc of its own.
+//!
+//! ```text
+//! E(p) = sum over photons i with |p - x_i| < r_i of  2 flux_i / (pi r_i^2) (1 - |p - x_i|^2 / r_i^2)
+//! ```
+//! where r_i is the distance to the k-th photon from x_i, or from a photon next to it, so that discs are small in a focus and wide where photons are few. No
+//! flux is lost or won, however the irradiance changes: all discs together hold what all photons carry. An estimate by the photons nearest to p does not have
+//! this property: beside a focus its radius ends at the focus, and a pool's caustic was 2.5 % too bright in the mean.
+//!
+//! # Source
+//!
+//! Ian S. Abramson, *On Bandwidth Variation in Kernel Estimates*, 1982, for a bandwidth by the square root of the density, which in two dimensions is
+//! the distance to the k-th neighbour; the kernel is Epanechnikov's.
+
+use std::f32::consts::PI;
+
+use glam::{Vec3, Vec3A};
+use kiddo::ImmutableKdTree;
+use rayon::prelude::*;
+
+use super::map::{Irradiance, SAME_NORMAL, SAME_PLANE, nearest, tree};
+use super::shoot::Photons;
+
+/// The limit of a disc's radius, in medians.
+const RADIUS_LIMIT: f32 = 4.0;
+/// Discs in a leaf of the tree; they have one radius.
+const LEAF: usize = 8;
+
+/// A photon and its disc.
+#[derive(Debug, Clone, Copy)]
+struct Disc {
+    center: Vec3A,
+    normal: Vec3A,
+    /// Irradiance at the center, W m^-2.
+    peak: Vec3,
+    radius: f32,
+}
+
+/// A box around discs. A node's first child follows it.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    min: Vec3,
+    max: Vec3,
+    /// Nodes of this subtree: where to go on if the box does not hold the point.
+    size: u32,
+    /// Number of the first leaf in it.
+    leaf: u32,
+}
+
+/// Photons with their discs, in a tree over them.
+#[derive(Debug)]
+pub(super) struct CausticMap {
+    discs: Vec<Disc>,
+    nodes: Vec<Node>,
+}
+
+impl CausticMap {
+    /// Builds the map of estimates by about `neighbours` photons within `max_radius`, or within a limit taken from the photons' density. `None` where
+    /// there is no photon.
+    pub(super) fn new(photons: &Photons, neighbours: u32, max_radius: Option<f32>) -> Option<Self> {
+        let tree = tree(&photons.positions)?;
+        let mut discs: Vec<Disc> = (0..photons.len())
+            .map(|i| {
+                let center = Vec3A::from(photons.positions[i]);
+                Disc { center, normal: photons.normals[i], peak: photons.flux[i], radius: 0.0 }
+            })
+            .collect();
+        sort(&mut discs);
+        spread(&mut discs, &tree, neighbours.max(2), max_radius);
+        let leaves = discs.len().div_ceil(LEAF);
+        let mut nodes = vec![Node { min: Vec3::ZERO, max: Vec3::ZERO, size: 0, leaf: 0 }; 2 * leaves - 1];
+        bound(&discs, &mut nodes, 0);
+        Some(Self { discs, nodes })
+    }
+
+    pub(super) fn memory_bytes(&self) -> u64 {
+        (self.discs.len() * size_of::<Disc>() + self.nodes.len() * size_of::<Node>()) as u64
+    }
+
+    /// Returns the irradiance at `p` on the side of the unit normal `n`, with the mean radius of the discs by what they give; 0 where there is none.
+    pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Irradiance {
+        let mut irradiance = Vec3::ZERO;
+        let (mut radius, mut total) = (0.0, 0.0);
+        let q = Vec3::from(p);
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if !(q.cmpge(node.min) & q.cmple(node.max)).all() {
+                at += node.size as usize;
+                continue;
+            }
+            at += 1;
+            if node.size > 1 {
+                continue;
+            }
+            let first = node.leaf as usize * LEAF;
+            for disc in &self.discs[first..self.discs.len().min(first + LEAF)] {
+                let offset = p - disc.center;
+                let share = 1.0 - offset.length_squared() / (disc.radius * disc.radius);
+                if share > 0.0 && disc.normal.dot(n) > SAME_NORMAL && offset.dot(n).abs() < SAME_PLANE * disc.radius {
+                    let part = disc.peak * share;
+                    irradiance += part;
+                    radius += part.max_element() * disc.radius;
+                    total += part.max_element();
+                }
+            }
+        }
+        Irradiance { irradiance, radius: if total > 0.0 { radius / total } else { 0.0 } }
+    }
+}
+
+/// Sorts discs into the order of the leaves, by the medians of their centers.
+fn sort(discs: &mut [Disc]) {
+    let Some(middle) = middle(discs.len()) else { return };
+    let (min, max) = discs
+        .iter()
+        .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(min, max), disc| (min.min(disc.center), max.max(disc.center)));
+    let axis = (max - min).max_position();
+    discs.select_nth_unstable_by(middle, |a, b| a.center[axis].total_cmp(&b.center[axis]));
+    let (left, right) = discs.split_at_mut(middle);
+    rayon::join(|| sort(left), || sort(right));
+}
+
+/// Returns where a subtree of so many discs is divided, between leaves; `None` for a leaf.
+fn middle(discs: usize) -> Option<usize> {
+    (discs > LEAF).then(|| discs.div_ceil(LEAF) / 2 * LEAF)
+}
+
+/// Spreads the flux in `peak` over discs, those of a leaf by the density at one of them: as good as one search for each, in a third of the time.
+fn spread(discs: &mut [Disc], tree: &ImmutableKdTree<f32, 3>, neighbours: u32, max_radius: Option<f32>) {
+    // The photon itself is the first that is found.
+    let count = neighbours as usize + 1;
+    discs.par_chunks_mut(LEAF).for_each(|leaf| {
+        let near = nearest(tree, leaf[leaf.len() / 2].center, count, f32::INFINITY);
+        let are_few = near.len() < count && max_radius.is_some();
+        let radius = near.last().filter(|_| !are_few).map_or(f32::INFINITY, |last| last.distance.sqrt());
+        leaf.iter_mut().for_each(|disc| disc.radius = radius);
+    });
+    let limit = max_radius.unwrap_or_else(|| {
+        let mut radii: Vec<f32> = discs.iter().map(|disc| disc.radius).collect();
+        let middle = radii.len() / 2;
+        RADIUS_LIMIT * *radii.select_nth_unstable_by(middle, f32::total_cmp).1
+    });
+    for disc in discs {
+        disc.radius = disc.radius.min(limit);
+        let peak = disc.peak * (2.0 / (PI * disc.radius * disc.radius));
+        // A beam without width has no irradiance.
+        disc.peak = if peak.is_finite() { peak } else { Vec3::ZERO };
+    }
+}
+
+/// Makes the nodes of the tree over sorted discs, whose leaves are numbered from `leaf` on.
+fn bound(discs: &[Disc], nodes: &mut [Node], leaf: u32) {
+    let number = |count: usize| u32::try_from(count).expect("fewer photons than 2^32");
+    let size = number(nodes.len());
+    let (node, rest) = nodes.split_first_mut().expect("a tree has a node");
+    let boxed = |min: Vec3A, max: Vec3A| Node { min: min.into(), max: max.into(), size, leaf };
+    let Some(middle) = middle(discs.len()) else {
+        let (min, max) = discs.iter().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(min, max), disc| {
+            (min.min(disc.center - disc.radius), max.max(disc.center + disc.radius))
+        });
+        *node = boxed(min, max);
+        return;
+    };
+    let (left, right) = discs.split_at(middle);
+    let left_leaves = middle / LEAF;
+    let (left_nodes, right_nodes) = rest.split_at_mut(2 * left_leaves - 1);
+    rayon::join(|| bound(left, left_nodes, leaf), || bound(right, right_nodes, leaf + number(left_leaves)));
+    *node = Node {
+        min: left_nodes[0].min.min(right_nodes[0].min),
+        max: left_nodes[0].max.max(right_nodes[0].max),
+        size,
+        leaf,
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rng;
+
+    /// Photons on the plane z = 0, each of the same flux, 1 W in all.
+    fn photons(positions: Vec<[f32; 3]>) -> Photons {
+        let flux = Vec3::splat(1.0 / positions.len() as f32);
+        Photons { normals: vec![Vec3A::Z; positions.len()], flux: vec![flux; positions.len()], positions }
+    }
+
+    /// A wide square and, of the same flux, a focus a thousandth as wide and a line in it.
+    fn focused() -> Photons {
+        let mut rng = Rng::new(8, 0);
+        let mut u = || rng.next_1d() - 0.5;
+        photons(
+            (0..60_000)
+                .map(|i| match i % 3 {
+                    0 => [u(), u(), 0.0],
+                    1 => [1e-3 * u(), 1e-3 * u(), 0.0],
+                    _ => [u(), 0.2 + 1e-4 * u(), 0.0],
+                })
+                .collect(),
+        )
+    }
+
+    /// Flux on the square of side 2 around the origin by a jittered grid that is finer in the focus and on the line.
+    fn integral(irradiance: impl Fn(Vec3A) -> f32 + Sync) -> f64 {
+        // Intervals that divide -1 to 1 and how many points each has.
+        let across = [(-1.0, -0.01, 200), (-0.01, 0.01, 400), (0.01, 1.0, 200)];
+        let along = [(-1.0, -0.01, 200), (-0.01, 0.01, 400), (0.01, 0.19, 60), (0.19, 0.21, 400), (0.21, 1.0, 160)];
+        let mut rng = Rng::new(9, 0);
+        let mut sum = 0.0;
+        for (x0, x1, nx) in across {
+            for (y0, y1, ny) in along {
+                let (dx, dy) = ((x1 - x0) / nx as f32, (y1 - y0) / ny as f32);
+                for i in 0..nx * ny {
+                    let x = x0 + dx * ((i % nx) as f32 + rng.next_1d());
+                    let y = y0 + dy * ((i / nx) as f32 + rng.next_1d());
+                    sum += f64::from(irradiance(Vec3A::new(x, y, 0.0)) * dx * dy);
+                }
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn a_focus_neither_gains_nor_loses_light() {
+        let photons = focused();
+        let map = CausticMap::new(&photons, 80, None).unwrap();
+        let found = integral(|p| map.irradiance(p, Vec3A::Z).irradiance.x);
+        // The grid is good to half a percent. An estimate by the nearest 80 photons has far more.
+        assert!((found - 1.0).abs() < 0.015, "{found} of 1 W");
+        let focus = map.irradiance(Vec3A::ZERO, Vec3A::Z);
+        assert!((focus.irradiance.x / (1e6 / 3.0) - 1.0).abs() < 0.3 && focus.radius < 1e-4, "{focus:?}");
+    }
+
+    #[test]
+    fn even_light_has_the_noise_of_its_photons() {
+        let mut rng = Rng::new(4, 0);
+        let positions = (0..50_000).map(|_| [rng.next_1d(), rng.next_1d(), 0.0]).collect();
+        let map = CausticMap::new(&photons(positions), 50, None).unwrap();
+        let values: Vec<f32> = (0..400u16)
+            .map(|i| {
+                let p = Vec3A::new(0.1 + 0.042 * f32::from(i % 20), 0.1 + 0.042 * f32::from(i / 20), 0.0);
+                map.irradiance(p, Vec3A::Z).irradiance.x
+            })
+            .collect();
+        let mean = values.iter().sum::<f32>() / 400.0;
+        let spread = (values.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / 399.0).sqrt();
+        // By Epanechnikov's kernel sqrt(4 / 3 / 50) = 0.163 for discs of one size; the mean is good to a twentieth of that.
+        assert!((mean - 1.0).abs() < 4.5 * 0.163 / 20.0, "mean {mean}");
+        assert!((0.13..0.21).contains(&spread), "deviation {spread}");
+    }
+
+    #[test]
+    fn tree_agrees_with_the_sum_over_all_discs() {
+        for count in [1, 7, 8, 9, 100, 1000] {
+            let photons = photons(focused().positions[..count].to_vec());
+            let map = CausticMap::new(&photons, 20, Some(0.3)).unwrap();
+            let mut rng = Rng::new(10, 0);
+            for _ in 0..200 {
+                let p = Vec3A::new(1.2 * rng.next_1d() - 0.6, 1.2 * rng.next_1d() - 0.6, 0.0);
+                let near = |disc: &&Disc| disc.center.distance(p) < disc.radius;
+                let share = |disc: &Disc| 1.0 - (disc.center.distance(p) / disc.radius).powi(2);
+                let all: f32 = map.discs.iter().filter(near).map(|disc| share(disc) * disc.peak.x).sum();
+                let found = map.irradiance(p, Vec3A::Z).irradiance.x;
+                assert!((found - all).abs() <= 1e-4 * all, "{count} photons: {found}, {all}");
+            }
+            assert_eq!(map.irradiance(Vec3A::ZERO, Vec3A::NEG_Z).irradiance, Vec3::ZERO, "the other side");
+        }
+    }
+
+    #[test]
+    fn few_and_coincident_photons_have_an_answer() {
+        let at = [0.5, 0.5, 0.0];
+        for count in [1, 2, 15] {
+            let map = CausticMap::new(&photons(vec![at; count]), 80, Some(2.0)).unwrap();
+            let found = map.irradiance(Vec3A::from(at), Vec3A::Z).irradiance.x;
+            assert!((found * PI * 4.0 / 2.0 - 1.0).abs() < 1e-5, "{count} over the limit: {found}");
+        }
+        let map = CausticMap::new(&photons(vec![at; 1000]), 80, None).unwrap();
+        let found = map.irradiance(Vec3A::from(at), Vec3A::Z);
+        assert_eq!(found.irradiance, Vec3::ZERO, "a beam without width is not a number, nor infinite");
+        assert!(CausticMap::new(&Photons::default(), 80, None).is_none(), "none at all");
+    }
+}
