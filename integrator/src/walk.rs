@@ -9,7 +9,7 @@ use crate::secondary::{Shading, direct_light, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
 /// From this bounce on, walks are ended by roulette.
-const ROULETTE_START: u32 = 2;
+const ROULETTE_START: u32 = 3;
 
 /// No walk is longer, whatever the materials say.
 const MAX_BOUNCES: u32 = 1000;
