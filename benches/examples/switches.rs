@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 17] = [
+const SWITCHES: [(&str, &str); 18] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -27,6 +27,7 @@ const SWITCHES: [(&str, &str); 17] = [
     ("gradients=off", "records of irradiance without gradients"),
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
+    ("lobe-guide=off", "lobes alone choose where gloss looks"),
     ("texture-alpha=0", "gloss read from textures"),
     ("secondary=photons", "photon map at secondary hits"),
 ];

@@ -363,7 +363,13 @@ fn white(point: &Shading) -> Shading {
 /// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Never 0.
 fn key(surface: &Surface, width: f32) -> u64 {
     let cube: IVec3 = (surface.p / width).floor().as_ivec3();
-    let n = surface.ng;
+    let side = side_of(surface.ng) as u64;
+    let bits = |x: i32| u64::from(x.cast_unsigned()) & 0x1f_ffff;
+    hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1
+}
+
+/// The axis nearest to a normal and its direction along it, below 6.
+pub(crate) fn side_of(n: Vec3A) -> usize {
     let a = n.abs();
     let (axis, along) = if a.x >= a.y && a.x >= a.z {
         (0, n.x)
@@ -372,9 +378,7 @@ fn key(surface: &Surface, width: f32) -> u64 {
     } else {
         (2, n.z)
     };
-    let side = axis * 2 + u64::from(along > 0.0);
-    let bits = |x: i32| u64::from(x.cast_unsigned()) & 0x1f_ffff;
-    hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1
+    axis * 2 + usize::from(along > 0.0)
 }
 
 /// Keys to numbers in their order, by open addressing.

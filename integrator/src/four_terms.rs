@@ -32,7 +32,8 @@ pub(crate) fn render<S: Secondary>(
     witness: Option<&Witness>,
 ) -> Film {
     let mut film = Film::new(settings.size);
-    let primary = Primary { scene, plan, secondary, sky, size: settings.size, seed: settings.seed };
+    let mut primary = Primary { scene, plan, secondary, sky, guide: None, size: settings.size, seed: settings.seed };
+    statistics.time("direct", |statistics| primary.learn_guide(&mut statistics.rays));
     let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },

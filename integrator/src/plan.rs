@@ -50,6 +50,8 @@ pub(crate) struct Plan {
     pub(crate) texture_alpha: f32,
     /// Rays that are traced through a glossy lobe for each primary sample.
     pub(crate) lobe_rays: u32,
+    /// Whether lobes learn from where their light comes.
+    pub(crate) has_guide: bool,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
 }
@@ -120,6 +122,7 @@ impl Plan {
             probe_rays: round(24.0 * quality.sqrt(), 8.0, 96.0),
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
+            has_guide: features.glossy && study.lobe_guide != Some(false),
             lobe_samples: 128,
         }
     }

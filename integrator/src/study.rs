@@ -31,6 +31,8 @@ pub struct Study {
     pub light_samples: Option<u32>,
     /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
     pub lobe_rays: Option<u32>,
+    /// Whether half of the rays of wide lobes go where light was found beforehand.
+    pub lobe_guide: Option<bool>,
     /// Roughness (alpha of GGX) from which on a glossy lobe without a diffuse part reads a texture instead of being traced, 0 to 2; never where a
     /// texture is too coarse.
     pub texture_alpha: Option<f32>,
@@ -58,7 +60,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, texture-alpha, photons, coverage, trail, weights, reach, gradients, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -97,6 +99,7 @@ impl Study {
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
             "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
             "lobe-rays" => self.lobe_rays = Some(number(name, value, 1, 1024)?),
+            "lobe-guide" => self.lobe_guide = Some(choice(name, value, [("on", true), ("off", false)])?),
             "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
             "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
             "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
@@ -168,6 +171,7 @@ mod tests {
             ("verify", "0"),
             ("light-samples", "4"),
             ("lobe-rays", "4"),
+            ("lobe-guide", "off"),
             ("texture-alpha", "0.5"),
             ("photons", "1000"),
             ("coverage", "rect"),

@@ -12,6 +12,7 @@ use crate::secondary::{Secondary, Shading};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
+use crate::terms::guide::LobeGuide;
 
 /// A distinct surface in a pixel: one of its samples stands for all.
 #[derive(Debug, Clone, Copy)]
@@ -75,11 +76,24 @@ pub(crate) struct Primary<'a, S> {
     pub(crate) plan: &'a Plan,
     pub(crate) secondary: &'a S,
     pub(crate) sky: Option<&'a SkySplit>,
+    pub(crate) guide: Option<LobeGuide>,
     pub(crate) size: UVec2,
     pub(crate) seed: u64,
 }
 
 impl<S: Secondary> Primary<'_, S> {
+    /// Learns from where glossy lobes take their light, if there are any.
+    pub(crate) fn learn_guide(&mut self, rays: &mut RayCounts) {
+        if self.plan.has_guide {
+            self.guide = LobeGuide::learn(&self.direct_term(), self.size, self.seed, rays);
+        }
+    }
+
+    fn direct_term(&self) -> DirectTerm<'_, S> {
+        let Self { scene, plan, secondary, sky, .. } = *self;
+        DirectTerm { scene, plan, secondary, sky, guide: self.guide.as_ref() }
+    }
+
     /// Traces samples of the pixel at `position`, which is number `pixel` of its band, until it has as many as `samples`: adds its light that needs
     /// no cache, and its surface points.
     pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
@@ -101,7 +115,7 @@ impl<S: Secondary> Primary<'_, S> {
             while let Some(branch) = stack.pop() {
                 branch_number += 1;
                 sampler.start_bounce(branch_number);
-                self.step(branch, pixel, key, &mut sampler, &mut stack, &mut terms, &mut diffuse, found);
+                self.step(branch, position, pixel, key, &mut sampler, &mut stack, &mut terms, &mut diffuse, found);
             }
             if terms.is_finite() {
                 found.sum.add_terms(&terms, 1.0);
@@ -116,6 +130,7 @@ impl<S: Secondary> Primary<'_, S> {
     fn step(
         &self,
         branch: Branch,
+        position: UVec2,
         pixel: u32,
         key: u64,
         sampler: &mut Sampler,
@@ -140,8 +155,7 @@ impl<S: Secondary> Primary<'_, S> {
         }
         add_emission(terms, bounces, beta * self.scene.emission(&surface));
         if bsdf.has_diffuse() || bsdf.has_glossy() {
-            let direct = DirectTerm { scene: self.scene, plan: self.plan, secondary: self.secondary, sky: self.sky };
-            let light = direct.sample(&shading, sampler, &mut found.rays);
+            let light = self.direct_term().sample(&shading, position, sampler, &mut found.rays);
             if bounces == 0 {
                 terms.direct += beta * light.direct;
             } else {

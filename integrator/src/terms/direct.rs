@@ -1,7 +1,7 @@
 //! The first term of eq. 7: light that comes straight from the sources, by light sampling with MIS; and with the same ray through
 //! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
 
-use glam::{Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{Lobes, Ray, Scene, Specular, Surface};
 
 use crate::plan::Plan;
@@ -9,6 +9,7 @@ use crate::sampler::Sampler;
 use crate::secondary::{Follower, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
+use crate::terms::guide::LobeGuide;
 
 /// Shades primary samples.
 #[derive(Debug)]
@@ -17,6 +18,19 @@ pub(crate) struct DirectTerm<'a, S> {
     pub(crate) plan: &'a Plan,
     pub(crate) secondary: &'a S,
     pub(crate) sky: Option<&'a SkySplit>,
+    /// From where glossy lobes are known to take their light.
+    pub(crate) guide: Option<&'a LobeGuide>,
+}
+
+/// A direction in which a glossy lobe looks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LobeWay {
+    /// Local frame.
+    pub(crate) wi: Vec3A,
+    /// f cos over the density with which the direction was chosen.
+    pub(crate) weight: Vec3,
+    /// Density with which the lobe alone chooses it, per steradian: what its light counts beside light sampling.
+    pub(crate) pdf: f32,
 }
 
 /// Light of a primary sample.
@@ -28,9 +42,23 @@ pub(crate) struct Light {
     pub(crate) specular: Vec3,
 }
 
+impl Light {
+    fn add(&mut self, other: &Self) {
+        self.direct += other.direct;
+        self.specular += other.specular;
+    }
+}
+
 impl<S: Secondary> DirectTerm<'_, S> {
-    /// Samples the light at a point. The soft part of the sky is left to textures for the diffuse lobe, not for the glossy one.
-    pub(crate) fn sample(&self, shading: &Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Light {
+    /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for the diffuse lobe, not for the
+    /// glossy one.
+    pub(crate) fn sample(
+        &self,
+        shading: &Shading,
+        position: UVec2,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Light {
         let mut light = Light::default();
         let count = self.plan.light_samples;
         let has_many_lights = self.scene.lights().count() > 1;
@@ -46,46 +74,87 @@ impl<S: Secondary> DirectTerm<'_, S> {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);
         }
         if shading.bsdf.has_glossy() {
-            let count = lobe_rays(shading, self.plan);
-            for mut sampler in sampler.split_into(count) {
-                self.add_lobe(shading, 1.0 / count as f32, &mut sampler, rays, &mut light);
-            }
+            self.add_lobe(shading, position, sampler, rays, &mut light);
         }
         light
     }
 
-    /// Follows one sample of the glossy lobe, which counts for a share of the light.
-    fn add_lobe(&self, shading: &Shading, share: f32, sampler: &mut Sampler, rays: &mut RayCounts, light: &mut Light) {
-        // A number is needed only where reflection and refraction could be chosen from.
-        let Some(mut sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, 0.5, sampler.next_pair()) else {
-            return;
+    /// Adds what the glossy lobe finds by its samples, of which half follow a guide if there is one.
+    fn add_lobe(
+        &self,
+        shading: &Shading,
+        position: UVec2,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+        light: &mut Light,
+    ) {
+        let count = lobe_rays(shading, self.plan);
+        let guide = self.guide.filter(|_| is_guided(shading, self.plan));
+        let guide = guide.and_then(|guide| guide.at(position, shading.surface.n));
+        let guided = if guide.is_some() { count / 2 } else { 0 };
+        // Density of all samples together.
+        let density = |way: &LobeWay| {
+            let by_guide = guide.map_or(0.0, |guide| guided as f32 * guide.pdf(way.wi));
+            (count - guided) as f32 * way.pdf + by_guide
         };
-        sample.weight *= share;
-        let wi = shading.frame.to_world(sample.wi);
-        if sample.delta || !shading.leaves(wi, sample.wi) {
-            return;
+        for mut sampler in sampler.split_into(count - guided) {
+            let Some(mut way) = self.lobe_way(shading, &mut sampler) else { continue };
+            way.weight *= if guided == 0 { 1.0 / count as f32 } else { way.pdf / density(&way) };
+            light.add(&self.along_lobe(shading, &way, &mut sampler, rays));
         }
+        let Some(guide) = guide else { return };
+        for mut sampler in sampler.split_into(guided) {
+            let wi = guide.sample(sampler.next_pair());
+            let pdf = shading.bsdf.pdf(Lobes::SPECULAR, shading.wo, wi);
+            if pdf <= 0.0 || !shading.leaves(shading.frame.to_world(wi), wi) {
+                continue;
+            }
+            let mut way = LobeWay { wi, weight: shading.bsdf.eval(Lobes::SPECULAR, shading.wo, wi) * wi.z, pdf };
+            way.weight /= density(&way);
+            light.add(&self.along_lobe(shading, &way, &mut sampler, rays));
+        }
+    }
+
+    /// Samples the glossy lobe.
+    pub(crate) fn lobe_way(&self, shading: &Shading, sampler: &mut Sampler) -> Option<LobeWay> {
+        // A number is needed only where reflection and refraction could be chosen from.
+        let sample = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, 0.5, sampler.next_pair())?;
+        let leaves = !sample.delta && shading.leaves(shading.frame.to_world(sample.wi), sample.wi);
+        leaves.then_some(LobeWay { wi: sample.wi, weight: sample.weight, pdf: sample.pdf })
+    }
+
+    /// Returns the light that comes to a glossy lobe along a direction.
+    pub(crate) fn along_lobe(
+        &self,
+        shading: &Shading,
+        way: &LobeWay,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Light {
+        let mut light = Light::default();
+        let wi = shading.frame.to_world(way.wi);
         let ray = shading.surface.spawn(wi);
         rays.path += 1;
         let Some(hit) = self.scene.intersect(&ray) else {
-            let weight = mis_weight(sample.pdf, self.scene.lights().pdf_environment(wi));
-            light.direct += sample.weight * weight * self.scene.background(wi);
-            return;
+            let weight = mis_weight(way.pdf, self.scene.lights().pdf_environment(wi));
+            light.direct = way.weight * weight * self.scene.background(wi);
+            return light;
         };
         let surface = self.scene.surface(&ray, &hit);
         let emission = self.scene.emission(&surface);
         if emission != Vec3::ZERO {
             let light_pdf = self.scene.lights().pdf_surface(shading.surface.p, wi, &surface);
             let through = self.scene.transmittance(&surface);
-            light.direct += sample.weight * through * mis_weight(sample.pdf, light_pdf) * emission;
+            light.direct = way.weight * through * mis_weight(way.pdf, light_pdf) * emission;
         }
         if self.scene.features().delta {
-            light.specular += sample.weight * self.caustic_along(ray, surface, sampler, rays);
+            light.specular += way.weight * self.caustic_along(ray, surface, sampler, rays);
         }
         if is_traced(shading, self.plan) {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
-            light.specular += sample.weight * follower.reflected(&ray, surface, sampler, rays);
+            light.specular += way.weight * follower.reflected(&ray, surface, sampler, rays);
         }
+        light
     }
 
     /// Radiance of the source at the end of a chain of mirrors and glass that starts at `surface`: L_c along the ray. Black where it
@@ -136,6 +205,15 @@ fn lobe_rays(shading: &Shading, plan: &Plan) -> u32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
     let count = (plan.lobe_rays as f32 * share).ceil() as u32;
     count.max(1)
+}
+
+/// Whether a glossy lobe is traced with enough rays to share them with a guide, and is wide enough for its cells.
+pub(crate) fn is_guided(shading: &Shading, plan: &Plan) -> bool {
+    /// About half the width of a cell, radians.
+    const MIN_ALPHA: f32 = 0.08;
+    const MIN_RAYS: u32 = 4;
+    let is_wide = alpha(shading) >= MIN_ALPHA;
+    plan.has_guide && is_wide && is_traced(shading, plan) && lobe_rays(shading, plan) >= MIN_RAYS
 }
 
 /// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.

@@ -5,4 +5,5 @@
 
 pub(crate) mod direct;
 pub(crate) mod glossy;
+pub(crate) mod guide;
 pub(crate) mod indirect;
