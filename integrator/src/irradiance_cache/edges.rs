@@ -47,40 +47,43 @@ pub(crate) struct Derivatives {
     pub(crate) hessian: Symmetric,
 }
 
-/// The edges between the texels of a gather.
+/// The edges between the texels of a gather, or between blocks of them.
 #[derive(Debug)]
 pub(crate) struct TexelEdges {
     n: usize,
+    /// Texels along a side of a block.
+    step: usize,
     edges: Vec<Edge>,
 }
 
-/// The edge between two texels: as seen from outside the hemisphere, the first lies at the left.
+/// The edge between two blocks: as seen from outside the hemisphere, the first lies at the left.
 #[derive(Debug)]
 struct Edge {
-    texels: [u32; 2],
+    blocks: [u32; 2],
     ends: [Vec3A; 2],
     /// The tangential part of its vector irradiance, divided by pi.
     circle: Vec2,
 }
 
 impl TexelEdges {
-    /// The edges of gathers of `n x n` texels.
-    pub(crate) fn new(n: usize) -> Self {
-        let corner =
-            |i: usize, j: usize| hemimap::square_to_cosine_hemisphere(Vec2::new(i as f32, j as f32) / n as f32);
-        let texel = |i: usize, j: usize| u32::try_from(j * n + i).expect("at most 64 x 64 texels");
-        let mut edges = Vec::with_capacity(2 * n * (n - 1));
-        for j in 0..n {
-            for i in 0..n {
-                if i + 1 < n {
-                    edges.push(Edge::new([texel(i, j), texel(i + 1, j)], [corner(i + 1, j), corner(i + 1, j + 1)]));
+    /// The edges of gathers of `n x n` texels, between blocks of `step x step` of them.
+    pub(crate) fn new(n: usize, step: usize) -> Self {
+        let side = n.div_ceil(step);
+        let place = |i: usize| (i * step).min(n) as f32 / n as f32;
+        let corner = |i: usize, j: usize| hemimap::square_to_cosine_hemisphere(Vec2::new(place(i), place(j)));
+        let block = |i: usize, j: usize| u32::try_from(j * side + i).expect("at most 64 x 64 texels");
+        let mut edges = Vec::with_capacity(2 * side * (side - 1));
+        for j in 0..side {
+            for i in 0..side {
+                if i + 1 < side {
+                    edges.push(Edge::new([block(i, j), block(i + 1, j)], [corner(i + 1, j), corner(i + 1, j + 1)]));
                 }
-                if j + 1 < n {
-                    edges.push(Edge::new([texel(i, j), texel(i, j + 1)], [corner(i + 1, j + 1), corner(i, j + 1)]));
+                if j + 1 < side {
+                    edges.push(Edge::new([block(i, j), block(i, j + 1)], [corner(i + 1, j + 1), corner(i, j + 1)]));
                 }
             }
         }
-        Self { n, edges }
+        Self { n, step, edges }
     }
 
     /// Texels along a side.
@@ -95,23 +98,18 @@ impl TexelEdges {
     /// If the gather has another resolution.
     pub(crate) fn derivatives(&self, samples: &Samples, directions: &[Vec3A], nearest: f32) -> Derivatives {
         assert_eq!(samples.resolution(), self.n, "edges of this resolution");
-        let owners = owners(samples);
+        let blocks = self.blocks(samples);
         let mut sum = Derivatives::default();
         for edge in &self.edges {
-            let [left, right] = edge.texels.map(|texel| texel as usize);
-            let parts = |texel: usize| {
-                let (radiance, share) = (samples.radiance[texel], samples.background_share[texel]);
-                [radiance * (1.0 - share), radiance * share]
-            };
-            let [left_parts, right_parts] = [parts(left), parts(right)];
-            let difference = [left_parts[0] - right_parts[0], left_parts[1] - right_parts[1]];
+            let [left, right] = edge.blocks.map(|block| blocks[block as usize]);
+            let difference = [left.parts[0] - right.parts[0], left.parts[1] - right.parts[1]];
             if difference == [Vec3::ZERO; 2] {
                 continue;
             }
             for (rotation, difference) in sum.rotation.iter_mut().zip(difference) {
                 add(rotation, edge.circle, difference);
             }
-            let [left, right] = [owners[left], owners[right]];
+            let [left, right] = [left.owner, right.owner];
             let nearer = if samples.distance[left] <= samples.distance[right] { left } else { right };
             let distance = samples.distance[nearer];
             if distance.is_infinite() {
@@ -128,14 +126,50 @@ impl TexelEdges {
         }
         sum
     }
+
+    /// The blocks of a gather, row by row.
+    fn blocks(&self, samples: &Samples) -> Vec<Block> {
+        let Self { n, step, .. } = *self;
+        let owners = owners(samples);
+        let starts = || (0..n).step_by(step);
+        let corners = starts().flat_map(|j| starts().map(move |i| (i, j)));
+        corners
+            .map(|(i, j)| {
+                let rows = j..n.min(j + step);
+                let texels = rows.flat_map(|y| y * n + i..y * n + n.min(i + step));
+                let mut block = Block { parts: [Vec3::ZERO; 2], owner: owners[j * n + i] };
+                let mut count = 0.0;
+                for (texel, owner) in texels.map(|texel| (texel, owners[texel])) {
+                    let (radiance, share) = (samples.radiance[texel], samples.background_share[texel]);
+                    block.parts[0] += radiance * (1.0 - share);
+                    block.parts[1] += radiance * share;
+                    count += 1.0;
+                    if samples.distance[owner] < samples.distance[block.owner] {
+                        block.owner = owner;
+                    }
+                }
+                block.parts = block.parts.map(|part| part / count);
+                block
+            })
+            .collect()
+    }
+}
+
+/// What edges know of the texels on one side of them.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    /// Mean radiance of what stands at a distance, and of the soft sky.
+    parts: [Vec3; 2],
+    /// The texel whose hit the edges lie on, if that is the nearer one of both sides: the nearest.
+    owner: usize,
 }
 
 impl Edge {
-    fn new(texels: [u32; 2], ends: [Vec3A; 2]) -> Self {
+    fn new(blocks: [u32; 2], ends: [Vec3A; 2]) -> Self {
         let normal = ends[0].cross(ends[1]);
         let angle = normal.length().atan2(ends[0].dot(ends[1]));
         let vector = normal.normalize() * (angle / TAU);
-        Self { texels, ends, circle: vector.truncate() }
+        Self { blocks, ends, circle: vector.truncate() }
     }
 
     /// The ends of the edge on the plane through the unit direction `wi` with the given normal.
@@ -249,7 +283,7 @@ mod tests {
     /// What a point in the plane z = 0 sees: the first part of a gradient, and the Hessian.
     fn seen(n: usize, look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Derivatives {
         let samples = Samples::from_fn(n, look);
-        TexelEdges::new(n).derivatives(&samples, &samples.directions(), 1e-6)
+        TexelEdges::new(n, 1).derivatives(&samples, &samples.directions(), 1e-6)
     }
 
     fn reds(gradient: Gradient) -> DVec2 {
@@ -340,6 +374,34 @@ mod tests {
     }
 
     #[test]
+    fn blocks_of_texels_have_nearly_the_same_derivatives() {
+        // The light on the ceiling and a black square under it, at 36 x 36 texels as a reprojected point has them, and 37 that no block divides.
+        let look = |wi: Vec3A| {
+            let q = (wi / wi.z).truncate();
+            if is_in_square(wi) {
+                (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z)
+            } else {
+                (Vec3::splat((-0.1 * q.length_squared()).exp()), 3.0 / wi.z, Vec3A::NEG_Z)
+            }
+        };
+        for n in [36, 37] {
+            let samples = Samples::from_fn(n, look);
+            let [fine, coarse] =
+                [1, 2].map(|step| TexelEdges::new(n, step).derivatives(&samples, &samples.directions(), 1e-6));
+            let [of_fine, of_coarse] = [fine, coarse].map(|found| reds(found.translation[0]));
+            assert!((of_fine - of_coarse).length() < 0.05 * of_fine.length(), "{n}: {of_fine}, {of_coarse}");
+            let off = (matrix(fine.hessian) - matrix(coarse.hessian)).to_cols_array().map(f64::abs);
+            let size = matrix(fine.hessian).to_cols_array().map(f64::abs);
+            assert!(
+                off.iter().sum::<f64>() < 0.1 * size.iter().sum::<f64>(),
+                "{n}: {:?}, {:?}",
+                fine.hessian,
+                coarse.hessian
+            );
+        }
+    }
+
+    #[test]
     fn nothing_changes_where_all_is_alike() {
         let found = seen(16, |wi| (Vec3::new(0.5, 1.0, 2.0), 0.1 + wi.x * wi.x, -wi));
         assert_eq!(found, Derivatives::default(), "a furnace");
@@ -353,7 +415,7 @@ mod tests {
             if is_in_square(wi) { (Vec3::ONE, f32::INFINITY, -wi) } else { (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z) }
         });
         let (gradient, _) = differences(at);
-        let derivatives = |samples: &Samples| TexelEdges::new(n).derivatives(samples, &samples.directions(), 1e-6);
+        let derivatives = |samples: &Samples| TexelEdges::new(n, 1).derivatives(samples, &samples.directions(), 1e-6);
         let sharp = derivatives(&window).translation;
         assert_eq!(sharp[0], [Vec3::ZERO; 2], "none of it stands at a distance");
         assert!((reds(sharp[1]) - gradient).length() < 0.02 * gradient.length(), "{:?}", sharp[1]);

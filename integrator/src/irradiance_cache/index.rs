@@ -99,7 +99,7 @@ mod tests {
         let samples = Samples::from_fn(4, |wi| (Vec3::splat(radiance), 1.0 / wi.z, Vec3A::NEG_Z));
         let rules =
             RecordRules { total_error: 1e-3, min_radius, max_radius: min_radius, by_hessian: true, gradients: true };
-        Record::new(centre, frame, &samples, samples.mean_radiance_by_distance(), &TexelEdges::new(4), &rules)
+        Record::new(centre, frame, &samples, samples.mean_radiance_by_distance(), &TexelEdges::new(4, 1), &rules)
     }
 
     proptest! {

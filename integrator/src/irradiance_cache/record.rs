@@ -243,7 +243,7 @@ mod tests {
         let frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };
         let samples = Samples::from_fn(N, look);
         let mean = samples.mean_radiance_by_distance();
-        Record::new(Vec3A::ZERO, frame, &samples, mean, &TexelEdges::new(N), rules)
+        Record::new(Vec3A::ZERO, frame, &samples, mean, &TexelEdges::new(N, 1), rules)
     }
 
     /// A place under the open sky.

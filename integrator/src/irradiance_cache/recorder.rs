@@ -25,7 +25,10 @@ impl Recorder {
     pub(crate) fn new(plan: &Plan) -> Self {
         let mut resolutions = vec![plan.n, plan.look_n];
         resolutions.dedup();
-        Self { edges: resolutions.into_iter().map(TexelEdges::new).collect(), plan: plan.clone() }
+        // Derivatives need no more texels than a look has.
+        let step = |n: usize| ((n + plan.look_n / 2) / plan.look_n).max(1);
+        let edges = resolutions.into_iter().map(|n| TexelEdges::new(n, step(n))).collect();
+        Self { edges, plan: plan.clone() }
     }
 
     /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`.
