@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 18] = [
+const SWITCHES: [(&str, &str); 23] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -25,6 +25,11 @@ const SWITCHES: [(&str, &str); 18] = [
     ("step=3", "a hole ray for 3 x 3 texels"),
     ("reach=distance", "records of irradiance reach 0.3 of the harmonic mean distance"),
     ("gradients=off", "records of irradiance without gradients"),
+    ("walls=off", "records of irradiance reach through walls"),
+    ("gaps=off", "and into thin gaps"),
+    ("limit=off", "records reach farther than a quarter of the picture"),
+    ("doubt=off", "no doubt of what a record above a point could not see"),
+    ("highlights=off", "highlights taken from records"),
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
     ("lobe-guide=off", "lobes alone choose where gloss looks"),

@@ -32,8 +32,14 @@ pub(crate) struct Plan {
     pub(crate) error: f32,
     /// Whether records of irradiance reach as far as the Hessian says.
     pub(crate) by_hessian: bool,
-    /// Whether they know the gradients.
+    /// Whether they know the gradients, stop at walls and leave gaps to others.
     pub(crate) gradients: bool,
+    pub(crate) walls: bool,
+    pub(crate) gaps: bool,
+    /// How far any record reaches, as a share of the scene, and of what the picture shows there.
+    pub(crate) max_share: f32,
+    /// Whether highlights are traced anew.
+    pub(crate) highlights: bool,
     /// How reprojections are made.
     pub(crate) reproject: reproject::Settings,
     /// Verification rays along a side.
@@ -104,12 +110,17 @@ impl Plan {
             error: study.error.unwrap_or(if settings.method == Method::Reproject { 5e-5 } else { 1e-4 } / quality),
             by_hessian: study.by_distance != Some(true),
             gradients: study.gradients != Some(false),
+            walls: study.walls != Some(false),
+            gaps: study.gaps != Some(false),
+            max_share: if study.limit == Some(false) { f32::INFINITY } else { MAX_SHARE },
+            highlights: study.highlights != Some(false),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
                 trails: study.trails(),
                 weights: study.weights(),
                 // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
                 step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
+                doubt: study.doubt != Some(false),
             },
             verify_side: study.verify.unwrap_or(2),
             global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { photons } else { 0 },
@@ -141,7 +152,7 @@ impl Plan {
 
     /// The farthest that any record reaches there, metres.
     pub(crate) fn max_reach(&self, footprint: f32) -> f32 {
-        MAX_SHARE * self.scene_size.min(footprint * self.side)
+        self.max_share * self.scene_size.min(footprint * self.side)
     }
 }
 

@@ -48,6 +48,16 @@ pub struct Study {
     pub by_distance: Option<bool>,
     /// Whether records of irradiance know its gradients.
     pub gradients: Option<bool>,
+    /// Whether records of irradiance stop at walls that they met near their horizon.
+    pub walls: Option<bool>,
+    /// Whether thin gaps take records of irradiance of their own.
+    pub gaps: Option<bool>,
+    /// Whether records reach no farther than a quarter of the scene and of what the picture shows there.
+    pub limit: Option<bool>,
+    /// Whether highlights that a record met are traced anew where it is reprojected.
+    pub highlights: Option<bool>,
+    /// Whether a point below the tangent plane of a record doubts what the record could not see.
+    pub doubt: Option<bool>,
     /// Whether all pixels take the same number of primary samples: those asked for, or 16 at quality 1.
     pub even_samples: Option<bool>,
     /// Where gather rays take the light of the surfaces that they meet from.
@@ -60,7 +70,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -99,14 +109,19 @@ impl Study {
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
             "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
             "lobe-rays" => self.lobe_rays = Some(number(name, value, 1, 1024)?),
-            "lobe-guide" => self.lobe_guide = Some(choice(name, value, [("on", true), ("off", false)])?),
+            "lobe-guide" => self.lobe_guide = Some(switch(name, value)?),
             "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
             "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
             "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
             "trail" => self.all_trails = Some(choice(name, value, [("all", true), ("silhouettes", false)])?),
             "weights" => self.count_bits = Some(choice(name, value, [("bits", true), ("areas", false)])?),
             "reach" => self.by_distance = Some(choice(name, value, [("distance", true), ("hessian", false)])?),
-            "gradients" => self.gradients = Some(choice(name, value, [("on", true), ("off", false)])?),
+            "gradients" => self.gradients = Some(switch(name, value)?),
+            "walls" => self.walls = Some(switch(name, value)?),
+            "gaps" => self.gaps = Some(switch(name, value)?),
+            "limit" => self.limit = Some(switch(name, value)?),
+            "highlights" => self.highlights = Some(switch(name, value)?),
+            "doubt" => self.doubt = Some(switch(name, value)?),
             "samples" => self.even_samples = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
             "secondary" => {
                 let kinds = [SecondaryKind::Cells, SecondaryKind::Photons, SecondaryKind::Paths];
@@ -138,6 +153,10 @@ fn number<T: FromStr + PartialOrd + Display>(name: &str, value: &str, min: T, ma
         Ok(number) if number >= min && number <= max => Ok(number),
         _ => Err(refused(name, value, format!("a number from {min} to {max}"))),
     }
+}
+
+fn switch(name: &str, value: &str) -> Result<bool, StudyError> {
+    choice(name, value, [("on", true), ("off", false)])
 }
 
 fn choice<T: Copy>(
@@ -179,6 +198,11 @@ mod tests {
             ("weights", "bits"),
             ("reach", "distance"),
             ("gradients", "off"),
+            ("walls", "off"),
+            ("gaps", "off"),
+            ("limit", "off"),
+            ("highlights", "off"),
+            ("doubt", "off"),
             ("samples", "even"),
             ("secondary", "photons"),
         ];

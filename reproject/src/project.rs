@@ -22,7 +22,9 @@ impl Workspace {
         self.place(record, p, n);
         self.masks.reset(self.n);
         let buried = self.bury(ng);
-        self.doubt(record);
+        if settings.doubt {
+            self.doubt(record);
+        }
         let task = Task {
             elements: record.elements(),
             rotation: self.rotation,

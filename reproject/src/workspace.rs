@@ -52,12 +52,20 @@ pub struct Settings {
     pub weights: AreaWeights,
     /// One hole ray for each block of `step x step` texels with a gap, k of the paper; at least 1.
     pub step: u32,
+    /// Whether what stands above a point, but below the tangent plane of the record, makes texels unknown: the record could not see it.
+    pub doubt: bool,
 }
 
 impl Default for Settings {
-    /// Exact quads, silhouette trails, analytic weights, a hole ray for every 2 x 2 texels.
+    /// Exact quads, silhouette trails, analytic weights, a hole ray for every 2 x 2 texels, doubt.
     fn default() -> Self {
-        Self { coverage: Coverage::Quad, trails: Trails::Silhouettes, weights: AreaWeights::Analytic, step: 2 }
+        Self {
+            coverage: Coverage::Quad,
+            trails: Trails::Silhouettes,
+            weights: AreaWeights::Analytic,
+            step: 2,
+            doubt: true,
+        }
     }
 }
 

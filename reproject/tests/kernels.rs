@@ -13,7 +13,7 @@ fn every_setting() -> Vec<Settings> {
     for coverage in [Coverage::Quad, Coverage::Rectangle] {
         for trails in [Trails::Silhouettes, Trails::All] {
             for weights in [AreaWeights::Analytic, AreaWeights::Bits] {
-                all.push(Settings { coverage, trails, weights, step: 2 });
+                all.push(Settings { coverage, trails, weights, ..Settings::default() });
             }
         }
     }

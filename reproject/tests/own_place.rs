@@ -23,6 +23,7 @@ fn every_setting() -> impl Iterator<Item = Settings> {
         trails: if k & 2 == 0 { Trails::Silhouettes } else { Trails::All },
         weights: if k & 4 == 0 { AreaWeights::Analytic } else { AreaWeights::Bits },
         step: 1,
+        doubt: k % 3 > 0,
     })
 }
 

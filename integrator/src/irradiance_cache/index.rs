@@ -97,8 +97,15 @@ mod tests {
     fn record(centre: Vec3A, tilt: f32, min_radius: f32, radiance: f32) -> Record {
         let frame = Frame::from_normal(Vec3A::new(tilt, 0.0, 1.0).normalize());
         let samples = Samples::from_fn(4, |wi| (Vec3::splat(radiance), 1.0 / wi.z, Vec3A::NEG_Z));
-        let rules =
-            RecordRules { total_error: 1e-3, min_radius, max_radius: min_radius, by_hessian: true, gradients: true };
+        let rules = RecordRules {
+            total_error: 1e-3,
+            min_radius,
+            max_radius: min_radius,
+            by_hessian: true,
+            gradients: true,
+            walls: true,
+            gaps: true,
+        };
         Record::new(centre, frame, &samples, samples.mean_radiance_by_distance(), &TexelEdges::new(4, 1), &rules)
     }
 

@@ -34,6 +34,10 @@ pub(crate) struct RecordRules {
     pub(crate) by_hessian: bool,
     /// Whether it knows the gradients.
     pub(crate) gradients: bool,
+    /// Whether it stops at walls.
+    pub(crate) walls: bool,
+    /// Whether gaps that it is not in take records of their own.
+    pub(crate) gaps: bool,
 }
 
 /// Irradiance at one point of a surface, its derivatives, and how far they hold.
@@ -131,9 +135,11 @@ impl Record {
         let Derivatives { translation, rotation, .. } = derivatives.filter(|_| rules.gradients).unwrap_or_default();
         let mut ellipse = Symmetric::mixed(axis, axis).scaled(0.5 / (first * first));
         ellipse += Symmetric::mixed(axis.perp(), axis.perp()).scaled(0.5 / (second * second));
-        let guards = guards(samples, &directions, &frame, second);
+        let guards = if rules.walls { guards(samples, &directions, &frame, second) } else { Vec::new() };
         let heights = directions.iter().zip(&samples.distance).filter(|(wi, _)| wi.z > OVERHEAD_COS);
-        let clearance = heights.map(|(wi, distance)| wi.z * distance).fold(f32::INFINITY, f32::min);
+        // Nothing is in a gap of a record without height.
+        let clearance =
+            if rules.gaps { heights.map(|(wi, distance)| wi.z * distance).fold(f32::INFINITY, f32::min) } else { 0.0 };
         Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], clearance, guards }
     }
 
@@ -236,8 +242,15 @@ mod tests {
     use super::*;
 
     const N: usize = 32;
-    const RULES: RecordRules =
-        RecordRules { total_error: 1e-3, min_radius: 1e-3, max_radius: 10.0, by_hessian: true, gradients: true };
+    const RULES: RecordRules = RecordRules {
+        total_error: 1e-3,
+        min_radius: 1e-3,
+        max_radius: 10.0,
+        by_hessian: true,
+        gradients: true,
+        walls: true,
+        gaps: true,
+    };
 
     fn record(rules: &RecordRules, look: impl FnMut(Vec3A) -> (Vec3, f32, Vec3A)) -> Record {
         let frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };

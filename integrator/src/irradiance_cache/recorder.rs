@@ -53,6 +53,8 @@ impl Recorder {
             max_radius: plan.max_reach(footprint).max(min_radius),
             by_hessian: plan.by_hessian,
             gradients: plan.gradients,
+            walls: plan.walls,
+            gaps: plan.gaps,
         }
     }
 }

@@ -274,7 +274,10 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             self.tell(point, || Step::Gathered { resolution: samples.resolution(), record: None });
             return (None, look, rays);
         }
-        let samples = self.gatherer.gather(surface, &frame, self.plan.n, point.key, &mut rays);
+        let mut samples = self.gatherer.gather(surface, &frame, self.plan.n, point.key, &mut rays);
+        if !self.plan.highlights {
+            samples.view_dependent.fill(false);
+        }
         let look = self.look(&samples, &frame, point, weights);
         let record = Record::new(surface.p, frame, samples, &self.plan.record, &validity);
         self.tell(point, || Step::Gathered {
