@@ -56,8 +56,8 @@ pub(crate) struct Plan {
     pub(crate) texture_alpha: f32,
     /// Rays that are traced through a glossy lobe for each primary sample.
     pub(crate) lobe_rays: u32,
-    /// Whether lobes learn from where their light comes.
-    pub(crate) has_guide: bool,
+    /// Primary rays along a side of the picture by which glossy lobes learn from where their light comes; 0 where they do not.
+    pub(crate) learners: u32,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
 }
@@ -112,7 +112,7 @@ impl Plan {
             gradients: study.gradients != Some(false),
             walls: study.walls != Some(false),
             gaps: study.gaps != Some(false),
-            max_share: if study.limit == Some(false) { f32::INFINITY } else { MAX_SHARE },
+            max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
             highlights: study.highlights != Some(false),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
@@ -133,7 +133,11 @@ impl Plan {
             probe_rays: round(24.0 * quality.sqrt(), 8.0, 96.0),
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
-            has_guide: features.glossy && study.lobe_guide != Some(false),
+            learners: if features.glossy && study.lobe_guide != Some(false) {
+                round(128.0 * quality.sqrt().sqrt(), 48.0, 256.0).min(settings.size.max_element())
+            } else {
+                0
+            },
             lobe_samples: 128,
         }
     }

@@ -84,7 +84,7 @@ pub(crate) struct Primary<'a, S> {
 impl<S: Secondary> Primary<'_, S> {
     /// Learns from where glossy lobes take their light, if there are any.
     pub(crate) fn learn_guide(&mut self, rays: &mut RayCounts) {
-        if self.plan.has_guide {
+        if self.plan.learners > 0 {
             self.guide = LobeGuide::learn(&self.direct_term(), self.size, self.seed, rays);
         }
     }

@@ -21,7 +21,7 @@
 //!
 //! Ward and Heckbert 1992 for the nearer surface; Schwarzhaupt et al. 2012 for the Hessian by edges. They span triangles between the
 //! points that rays met, whose mesh ends before the horizon and makes what hides smaller by half a texel; here the edges are those of
-//! the texels themselves. Their closed forms lose digits where an edge is short, which all edges of texels are: three points of
+//! the texels themselves, or of blocks of them. Their closed forms lose digits where an edge is short, which all edges of texels are: three points of
 //! Gauss' quadrature have an error of the order of the sixth power of the edge's angle.
 
 use std::f32::consts::{FRAC_1_PI, TAU};

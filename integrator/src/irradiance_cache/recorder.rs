@@ -26,7 +26,7 @@ impl Recorder {
         let mut resolutions = vec![plan.n, plan.look_n];
         resolutions.dedup();
         // Derivatives need no more texels than a look has.
-        let step = |n: usize| ((n + plan.look_n / 2) / plan.look_n).max(1);
+        let step = |n: usize| n.div_ceil(plan.look_n);
         let edges = resolutions.into_iter().map(|n| TexelEdges::new(n, step(n))).collect();
         Self { edges, plan: plan.clone() }
     }

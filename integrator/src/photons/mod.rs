@@ -45,9 +45,9 @@ pub struct PhotonSettings {
     pub caustic_count: u32,
     /// Photons in an estimate of the global map: its noise is 1 / sqrt(neighbours - 2).
     pub neighbours: u32,
-    /// Photons in an estimate of the caustic map.
+    /// Photons in a disc over which a photon of the caustic map spreads its flux.
     pub caustic_neighbours: u32,
-    /// Greatest radius of an estimate, metres. `None`: four times the usual one.
+    /// Greatest radius of an estimate, and of a disc, metres. `None`: four times the usual one.
     pub max_radius: Option<f32>,
     /// Any number; another seed gives independent maps.
     pub seed: u64,
@@ -151,7 +151,8 @@ impl PhotonMaps {
         estimate.irradiance / covered_share(scene, p, n, estimate.radius, Kernel::Epanechnikov, seed)
     }
 
-    /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet.
+    /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet. Too dark within the radius of a disc of
+    /// edges, by a half at most beside a straight one.
     #[must_use]
     pub fn quick_caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
         self.caustic.as_ref().map_or(Vec3::ZERO, |map| map.irradiance(p, n).irradiance)

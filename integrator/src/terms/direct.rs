@@ -213,7 +213,7 @@ pub(crate) fn is_guided(shading: &Shading, plan: &Plan) -> bool {
     const MIN_ALPHA: f32 = 0.08;
     const MIN_RAYS: u32 = 4;
     let is_wide = alpha(shading) >= MIN_ALPHA;
-    plan.has_guide && is_wide && is_traced(shading, plan) && lobe_rays(shading, plan) >= MIN_RAYS
+    plan.learners > 0 && is_wide && is_traced(shading, plan) && lobe_rays(shading, plan) >= MIN_RAYS
 }
 
 /// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.

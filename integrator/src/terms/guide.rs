@@ -31,8 +31,7 @@ const TILES: u32 = 16;
 const BINS: usize = 8;
 /// Axes of the normal, each way.
 const SIDES: usize = 6;
-/// Primary rays along a side of the picture, and lobe samples of each.
-const LEARNERS: u32 = 96;
+/// Lobe samples of a primary ray that learns.
 const LOBE_SAMPLES: u32 = 16;
 /// Keeps these random numbers apart from those of the picture.
 const STREAM: u64 = 0x0067_7569_6465;
@@ -60,7 +59,7 @@ impl LobeGuide {
         seed: u64,
         rays: &mut RayCounts,
     ) -> Option<Self> {
-        let found: Vec<(Vec<Lesson>, RayCounts)> = (0..LEARNERS * LEARNERS)
+        let found: Vec<(Vec<Lesson>, RayCounts)> = (0..direct.plan.learners.pow(2))
             .into_par_iter()
             .map(|number| {
                 let mut rays = RayCounts::default();
@@ -83,7 +82,7 @@ impl LobeGuide {
 
     /// The guide for a surface of normal `n` in the pixel at `position`.
     pub(crate) fn at(&self, position: UVec2, n: Vec3A) -> Option<&Guide> {
-        self.tiles[tile(position.as_vec2(), self.size, n)].as_ref()
+        self.tiles[tile(position.as_vec2() + 0.5, self.size, n)].as_ref()
     }
 }
 
@@ -97,8 +96,9 @@ fn learner<S: Secondary>(
 ) -> Vec<Lesson> {
     let mut lessons = Vec::new();
     let mut sampler = Sampler::new(seed, u64::from(number), 0);
-    let square = UVec2::new(number % LEARNERS, number / LEARNERS).as_vec2();
-    let film = (square + sampler.next_2d()) / LEARNERS as f32 * size.as_vec2();
+    let side = direct.plan.learners;
+    let square = UVec2::new(number % side, number / side).as_vec2();
+    let film = (square + sampler.next_2d()) / side as f32 * size.as_vec2();
     let ray = direct.scene.camera_ray(film, size);
     rays.camera += 1;
     let Some(hit) = direct.scene.intersect(&ray) else { return lessons };
@@ -111,9 +111,9 @@ fn learner<S: Secondary>(
         let Some(way) = direct.lobe_way(&shading, &mut sampler) else { continue };
         let light = direct.along_lobe(&shading, &way, &mut sampler, rays);
         let value = (light.direct + light.specular).max_element();
-        if value > 0.0 && value.is_finite() {
-            let density = way.pdf * PI / way.wi.z;
-            lessons.push(Lesson { tile, bin: bin(way.wi), moment: value * value * density });
+        let moment = value * value * (way.pdf * PI / way.wi.z);
+        if moment > 0.0 && moment.is_finite() {
+            lessons.push(Lesson { tile, bin: bin(way.wi), moment });
         }
     }
     lessons

@@ -51,13 +51,28 @@ impl EnvironmentLight {
     }
 
     /// Returns the same surroundings with a table of where `weight` of their radiance is bright; `None` where it is black.
+    ///
+    /// Half of the samples go by that part of the radiance, the others by its root: where the sun is hidden and its halo is not, samples by the radiance
+    /// alone would be rare and each as bright as the sun.
     pub(super) fn weighted(&self, weight: impl Fn(Vec3) -> Vec3) -> Option<Self> {
         let mut important = self.environment.clone();
+        // Integrals over the sphere of the part, and of its root.
+        let (mut integral, mut of_roots) = (DVec3::ZERO, 0.0);
+        let rows = important.pixels.chunks_exact_mut(important.width as usize).zip(self.cosines.windows(2));
+        for (row, cosines) in rows {
+            let solid_angle = f64::from(TAU * (cosines[0] - cosines[1]) / row.len() as f32);
+            for pixel in row {
+                *pixel = weight(*pixel);
+                integral += pixel.as_dvec3() * solid_angle;
+                of_roots += f64::from(pixel.element_sum().sqrt()) * solid_angle;
+            }
+        }
+        let scale = narrow(integral.element_sum() / of_roots);
         for pixel in &mut important.pixels {
-            *pixel = weight(*pixel);
+            *pixel += scale * pixel.element_sum().sqrt();
         }
         let table = Self::new(important)?;
-        Some(Self { environment: self.environment.clone(), ..table })
+        Some(Self { environment: self.environment.clone(), integral: integral.as_vec3(), ..table })
     }
 
     #[inline]
@@ -229,5 +244,40 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_halo_has_its_samples_beside_the_sun() {
+        // A sun of 1 pixel, a halo around it with a fiftieth of its light, and a sky that counts for nothing.
+        let (width, height) = (64, 32);
+        let mut pixels = vec![Vec3::ONE; width * height];
+        for (index, pixel) in pixels.iter_mut().enumerate() {
+            let (x, y) = ((index % width).abs_diff(20), (index / width).abs_diff(16));
+            *pixel = Vec3::splat(match x.max(y) {
+                0 => 1e5,
+                1..=5 => 1.0 + 1e5 / 50.0 / 120.0,
+                _ => 1.0,
+            });
+        }
+        let environment = Environment::from_pixels(64, 32, pixels);
+        let part = |radiance: Vec3| radiance - 1.0;
+        let light = EnvironmentLight::new(environment).unwrap().weighted(part).unwrap();
+        let (mut sum, mut of_halo, mut dimmest) = (0.0, 0.0, f32::INFINITY);
+        let side = 256;
+        for number in 0..side * side {
+            let u = (Vec2::new((number % side) as f32, (number / side) as f32) + 0.5) / side as f32;
+            let sample = light.sample(u, 1.0).unwrap();
+            let value = part(sample.radiance).x / sample.pdf / (side * side) as f32;
+            sum += value;
+            if sample.radiance.x < 20.0 {
+                of_halo += 1.0 / (side * side) as f32;
+                dimmest = dimmest.min(value);
+            }
+        }
+        assert!((sum / light.integral.x - 1.0).abs() < 0.02, "{sum} instead of {}", light.integral.x);
+        // By the light alone 0.02; the roots of the halo outweigh the sun's.
+        assert!(of_halo > 0.1, "a share of {of_halo}");
+        let even = light.integral.x / (side * side) as f32;
+        assert!(dimmest < 0.2 * even, "and they are dim: {dimmest}, where all alike would be {even}");
     }
 }
