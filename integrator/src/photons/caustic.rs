@@ -22,8 +22,8 @@ use rayon::prelude::*;
 use super::map::{Irradiance, SAME_NORMAL, SAME_PLANE, nearest, tree};
 use super::shoot::Photons;
 
-/// The limit of a disc's radius, in medians.
-const RADIUS_LIMIT: f32 = 4.0;
+/// The limit of a disc's radius, in medians: most photons are in a focus, and those far from it must not become specks.
+const RADIUS_LIMIT: f32 = 64.0;
 /// Discs in a leaf of the tree; they have one radius.
 const LEAF: usize = 8;
 

@@ -47,7 +47,7 @@ pub struct PhotonSettings {
     pub neighbours: u32,
     /// Photons in a disc over which a photon of the caustic map spreads its flux.
     pub caustic_neighbours: u32,
-    /// Greatest radius of an estimate, and of a disc, metres. `None`: four times the usual one.
+    /// Greatest radius of an estimate, and of a disc, metres. `None`: 4 times the usual one, and 64 times for a disc.
     pub max_radius: Option<f32>,
     /// Any number; another seed gives independent maps.
     pub seed: u64,
