@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 23] = [
+const SWITCHES: [(&str, &str); 24] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -28,6 +28,7 @@ const SWITCHES: [(&str, &str); 23] = [
     ("walls=off", "records of irradiance reach through walls"),
     ("gaps=off", "records of irradiance reach into thin gaps"),
     ("limit=off", "records reach farther than a quarter of the picture"),
+    ("margins=off", "retreating silhouettes keep their last texel"),
     ("doubt=off", "no doubt of what a record above a point could not see"),
     ("highlights=off", "highlights taken from records"),
     ("samples=even", "16 primary samples for each pixel"),

@@ -16,7 +16,7 @@ pub(crate) struct Plan {
     pub(crate) budget: Budget,
     /// Light samples a primary sample.
     pub(crate) light_samples: u32,
-    /// Resolution of a gather that becomes a record, and of one that does not.
+    /// Resolution of a gather that becomes a record, and of one that does not, see [`Plan::look_n_at`].
     pub(crate) n: usize,
     pub(crate) look_n: usize,
     /// Side of a square picture of as many pixels.
@@ -106,8 +106,7 @@ impl Plan {
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
             spacing: study.spacing.unwrap_or(0.2),
-            // Where records cost less, there are more of them.
-            error: study.error.unwrap_or(if settings.method == Method::Reproject { 5e-5 } else { 1e-4 } / quality),
+            error: study.error.unwrap_or(1e-4 / quality),
             by_hessian: study.by_distance != Some(true),
             gradients: study.gradients != Some(false),
             walls: study.walls != Some(false),
@@ -120,6 +119,7 @@ impl Plan {
                 weights: study.weights(),
                 // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
                 step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
+                margins: study.margins != Some(false),
                 doubt: study.doubt != Some(false),
             },
             verify_side: study.verify.unwrap_or(2),
@@ -140,6 +140,17 @@ impl Plan {
             },
             lobe_samples: 128,
         }
+    }
+
+    /// Resolution of a look from a point that was asked on the lattice of this stride, where there are records of radiance. Points that are asked late and
+    /// have no record lie in reliefs and corners, and serve few others.
+    pub(crate) fn look_n_at(&self, stride: usize) -> usize {
+        let share = match stride {
+            1 if self.look_n < self.n => 2.0 / 3.0,
+            2 if self.look_n < self.n => 5.0 / 6.0,
+            _ => 1.0,
+        };
+        round(self.look_n as f32 * share, 1.0, 64.0) as usize
     }
 
     /// The reach of records where a pixel is `footprint` metres wide at the surface.

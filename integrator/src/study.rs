@@ -56,6 +56,8 @@ pub struct Study {
     pub limit: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
+    /// Whether the last texel inside a silhouette that retreats is unknown.
+    pub margins: Option<bool>,
     /// Whether a point below the tangent plane of a record doubts what the record could not see.
     pub doubt: Option<bool>,
     /// Whether all pixels take the same number of primary samples: those asked for, or 16 at quality 1.
@@ -70,7 +72,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -121,6 +123,7 @@ impl Study {
             "gaps" => self.gaps = Some(switch(name, value)?),
             "limit" => self.limit = Some(switch(name, value)?),
             "highlights" => self.highlights = Some(switch(name, value)?),
+            "margins" => self.margins = Some(switch(name, value)?),
             "doubt" => self.doubt = Some(switch(name, value)?),
             "samples" => self.even_samples = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
             "secondary" => {
@@ -202,6 +205,7 @@ mod tests {
             ("gaps", "off"),
             ("limit", "off"),
             ("highlights", "off"),
+            ("margins", "off"),
             ("doubt", "off"),
             ("samples", "even"),
             ("secondary", "photons"),

@@ -52,18 +52,22 @@ pub struct Settings {
     pub weights: AreaWeights,
     /// One hole ray for each block of `step x step` texels with a gap, k of the paper; at least 1.
     pub step: u32,
+    /// Whether the last texel of a surface that retreats from behind its silhouette is unknown: one ray a texel does not tell where in it the surface
+    /// ends. Of no effect where all elements leave trails.
+    pub margins: bool,
     /// Whether what stands above a point, but below the tangent plane of the record, makes texels unknown: the record could not see it.
     pub doubt: bool,
 }
 
 impl Default for Settings {
-    /// Exact quads, silhouette trails, analytic weights, a hole ray for every 2 x 2 texels, doubt.
+    /// Exact quads, silhouette trails, analytic weights, a hole ray for every 2 x 2 texels, margins, doubt.
     fn default() -> Self {
         Self {
             coverage: Coverage::Quad,
             trails: Trails::Silhouettes,
             weights: AreaWeights::Analytic,
             step: 2,
+            margins: true,
             doubt: true,
         }
     }

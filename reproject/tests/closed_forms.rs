@@ -4,8 +4,8 @@ mod rooms;
 
 use glam::{Mat3A, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use radcache::{MergeSettings, Record, RecordSettings};
-use reproject::{Settings, Trails, Workspace, project_corners};
+use radcache::{MergeSettings, Record, RecordSettings, Samples, Validity};
+use reproject::{AreaWeights, Settings, Trails, Workspace, project_corners};
 use rooms::{Rays, Scene, Seen, Shape, gather, record_in};
 use std::f32::consts::PI;
 
@@ -111,12 +111,14 @@ fn unknown_zone_of_two_planes() {
         };
         let edge = if h2.is_finite() { (e * h2 / h1 - s) / h2 } else { e / h1 };
         assert!(((g(edge) - g((e - s) / h1)) / 2.0 - expected).abs() < 1e-5, "the formula gives {expected}");
-        for (trails, limit) in [(Trails::Silhouettes, 2.0), (Trails::All, 6.0)] {
+        for (trails, margins, limit) in
+            [(Trails::Silhouettes, false, 2.0), (Trails::Silhouettes, true, 4.0), (Trails::All, false, 6.0)]
+        {
             for n in [32, 64] {
                 let record = at_origin(look, n, &RecordSettings::default());
                 let mut workspace = Workspace::new();
-                let shares =
-                    workspace.project(&record, Vec3A::X * s, Vec3A::Z, &Settings { trails, ..Settings::default() });
+                let settings = Settings { trails, margins, ..Settings::default() };
+                let shares = workspace.project(&record, Vec3A::X * s, Vec3A::Z, &settings);
                 let newly: Vec<u64> = (0..n)
                     .map(|j| {
                         (0..n).fold(0, |row, i| {
@@ -139,16 +141,60 @@ fn unknown_zone_of_two_planes() {
                 );
                 let [unknown, holes] = [shares.unknown, shares.holes].map(|share| share / expected);
                 println!(
-                    "{trails:?}, h2 = {h2}, n = {n}: unknown {unknown:.2}, holes {holes:.2} times the new; {missed} missed"
+                    "{trails:?}, margins {margins}, h2 = {h2}, n = {n}: unknown {unknown:.2}, holes {holes:.2} times the new; {missed} missed"
                 );
                 // The zone is a texel wide, and texels at its rim go to it whole. A trail takes no notice of how far the background
-                // moved: h2 / (h2 - h1) times the new, which is 2, 1.33 and 1 here.
+                // moved: h2 / (h2 - h1) times the new, which is 2, 1.33 and 1 here; a margin is as wide again at most.
                 assert!(
                     shares.unknown <= limit * expected + 1.0 / n as f32,
                     "{trails:?}, h2 = {h2}, n = {n}: {unknown}"
                 );
             }
         }
+    }
+}
+
+/// One ray a texel does not tell where in it a silhouette lies. Margins see to it that a surface which retreats is not too large for that.
+#[test]
+#[expect(clippy::print_stdout, reason = "the errors are figures to report, with --nocapture")]
+fn retreating_edges_leave_no_bias() {
+    let (n, h1, h2, count) = (32, 1.0, 3.0, 400);
+    for reach in [0.1, 0.3, 0.8] {
+        let mut errors = [[0.0; 2]; 2];
+        for k in 0..count {
+            let s = reach * rooms::uniform(k + 5000);
+            // A bright near half-plane x < e before a dark far plane.
+            let e = 0.4 * rooms::uniform(k) - 0.1;
+            let look = |p: Vec3A, wi: Vec3A| {
+                let (near, far) = (h1 / wi.z, h2 / wi.z);
+                if p.x + wi.x * near < e { (Vec3::ONE, near, Vec3A::NEG_Z) } else { (Vec3::ZERO, far, Vec3A::NEG_Z) }
+            };
+            let mut samples = Samples::new(n);
+            for texel in 0..n * n {
+                let number = 10_000 * (k + 1) + 2 * texel as u64;
+                samples.set_jitter(texel, Vec2::new(rooms::uniform(number), rooms::uniform(number + 1)));
+            }
+            for (texel, wi) in samples.directions().into_iter().enumerate() {
+                let (radiance, distance, normal) = look(Vec3A::ZERO, wi);
+                samples.set(texel, radiance, distance, normal);
+            }
+            let record = Record::new(Vec3A::ZERO, FRAME, samples, &RecordSettings::default(), &Validity::default());
+            let expected = f64::midpoint(1.0, g((e - s) / h1).into());
+            let mut workspace = Workspace::new();
+            for (margins, errors) in [true, false].into_iter().zip(&mut errors) {
+                for (weights, error) in [AreaWeights::Analytic, AreaWeights::Bits].into_iter().zip(errors) {
+                    let settings = Settings { margins, weights, ..Settings::default() };
+                    workspace.project(&record, Vec3A::X * s, Vec3A::Z, &settings);
+                    workspace.trace_holes(1, k, &mut Rays(Vec3A::X * s, look));
+                    *error += (f64::from(workspace.mean_radiance().x) - expected) / count as f64;
+                }
+            }
+        }
+        // In texels along the edge, which is about n of them long.
+        let [with, without] = errors.map(|errors: [f64; 2]| errors.map(|error| error * n as f64));
+        println!("moved by up to {reach}: {with:.3?} of a texel with margins, {without:.3?} without");
+        assert!(with.iter().all(|error| error.abs() < 0.1), "moved by up to {reach}: {with:?} of a texel too much");
+        assert!(without[1] > 0.2, "without margins they do: {without:?}");
     }
 }
 

@@ -117,7 +117,7 @@ fn layer_order_decides_occlusion() {
     let record = record_in(look, Vec3A::ZERO, FRAME, 32, &RecordSettings::default());
     let offset = Vec3A::X * 0.2;
     let mut workspace = Workspace::new();
-    workspace.project(&record, offset, Vec3A::Z, &Settings::default());
+    workspace.project(&record, offset, Vec3A::Z, &Settings { margins: false, ..Settings::default() });
     let quads = quads(record.elements(), offset);
     for texel in 0..32 * 32 {
         let covered_by_near = (0..quads.len()).any(|e| {
@@ -243,12 +243,12 @@ fn union_is_covered_at_most_once() {
 #[test]
 fn elements_in_odd_places() {
     let n = 16;
-    let settings = Settings::default();
+    let settings = Settings { margins: false, ..Settings::default() };
     let sane = |look: &dyn Fn(Vec3A, Vec3A) -> rooms::Seen, p: Vec3A, normal: Vec3A| {
         let record = record_in(look, Vec3A::ZERO, FRAME, n, &RecordSettings::default());
         let mut workspace = Workspace::new();
-        for trails in [Trails::Silhouettes, Trails::All] {
-            let shares = workspace.project(&record, p, normal, &Settings { trails, ..settings });
+        for (trails, margins) in [(Trails::Silhouettes, true), (Trails::Silhouettes, false), (Trails::All, true)] {
+            let shares = workspace.project(&record, p, normal, &Settings { trails, margins, ..settings });
             assert!(
                 (shares.filled + shares.holes - 1.0).abs() < 1e-6 && shares.unknown <= shares.holes + 1e-6,
                 "{shares:?}"

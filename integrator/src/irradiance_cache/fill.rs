@@ -20,13 +20,13 @@ use crate::terms::indirect::{Counts, Incident, IndirectTerm, Look};
 /// 0 where one takes over from another, and so that several share what noise each has.
 const PLACE: f32 = 0.5;
 
-/// Evaluates every point of a picture: `ask` lets points look, by their numbers. Where gloss needs a texture each point looks for itself.
+/// Evaluates every point of a picture: `ask` lets points look, by their numbers and the stride of their lattice. Where gloss needs a texture each point looks for itself.
 pub(crate) fn fill<S: Secondary>(
     term: &IndirectTerm<'_, S>,
     lattice: &Lattice,
     index: &mut Index,
     counts: &mut Counts,
-    mut ask: impl FnMut(Vec<usize>, &mut Counts) -> Vec<(usize, Look)>,
+    mut ask: impl FnMut(Vec<usize>, usize, &mut Counts) -> Vec<(usize, Look)>,
 ) -> Vec<Incident> {
     let points = lattice.points();
     let mut values: Vec<Option<Incident>> =
@@ -39,7 +39,7 @@ pub(crate) fn fill<S: Secondary>(
         let level = lattice.level(stride, &values);
         let takes_texture = |number: &usize| needs_texture(&points[*number].shading, term.plan);
         let (textures, others): (Vec<usize>, Vec<usize>) = level.into_iter().partition(takes_texture);
-        for (number, look) in ask(textures, counts) {
+        for (number, look) in ask(textures, stride, counts) {
             values[number] = Some(look.incident);
         }
         // The middles of the cells first: what they reach the sides need not be asked for.
@@ -48,7 +48,7 @@ pub(crate) fn fill<S: Secondary>(
         for batch in [middles, sides] {
             let frozen = &*index;
             let alone = batch.into_par_iter().filter(|&number| !frozen.covers(&places[number], PLACE)).collect();
-            for (number, look) in ask(alone, counts) {
+            for (number, look) in ask(alone, stride, counts) {
                 has_looked[number] = true;
                 index.extend(look.record);
             }

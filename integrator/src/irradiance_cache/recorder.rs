@@ -23,7 +23,7 @@ const MIN_PIXELS: f32 = 1.5;
 impl Recorder {
     /// Makes records as the plan has them.
     pub(crate) fn new(plan: &Plan) -> Self {
-        let mut resolutions = vec![plan.n, plan.look_n];
+        let mut resolutions = vec![plan.n, plan.look_n, plan.look_n_at(2), plan.look_n_at(1)];
         resolutions.dedup();
         // Derivatives need no more texels than a look has.
         let step = |n: usize| n.div_ceil(plan.look_n);
@@ -31,24 +31,31 @@ impl Recorder {
         Self { edges, plan: plan.clone() }
     }
 
-    /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`.
+    /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to so many times the error of the plan.
     ///
     /// # Panics
     /// If the samples have neither of the resolutions of the plan.
-    pub(crate) fn record(&self, point: &SurfacePoint, frame: Frame, samples: &Samples, mean: [Vec3; 2]) -> Record {
+    pub(crate) fn record(
+        &self,
+        point: &SurfacePoint,
+        frame: Frame,
+        samples: &Samples,
+        mean: [Vec3; 2],
+        error: f32,
+    ) -> Record {
         let of_resolution = |edges: &&TexelEdges| edges.resolution() == samples.resolution();
         let edges = self.edges.iter().find(of_resolution).expect("a resolution of the plan");
-        Record::new(point.shading.surface.p, frame, samples, mean, edges, &self.rules(point.footprint))
+        Record::new(point.shading.surface.p, frame, samples, mean, edges, &self.rules(point.footprint, error))
     }
 
     /// The rules for a record where a pixel is `footprint` metres wide. An error counts by the share of the picture that it takes: that
     /// makes the number of records the same for any number of pixels, and for any unit of length.
-    fn rules(&self, footprint: f32) -> RecordRules {
+    fn rules(&self, footprint: f32, error: f32) -> RecordRules {
         let plan = &self.plan;
         let width = footprint * plan.side;
         let min_radius = MIN_PIXELS * footprint;
         RecordRules {
-            total_error: plan.error * width * width,
+            total_error: error * plan.error * width * width,
             min_radius,
             max_radius: plan.max_reach(footprint).max(min_radius),
             by_hessian: plan.by_hessian,

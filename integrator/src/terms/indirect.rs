@@ -72,6 +72,9 @@ pub(crate) struct IndirectTerm<'a, S> {
 const MIN_BATCH: usize = 64;
 const BATCH_SHARE: usize = 4;
 
+/// Records of irradiance that are reprojected may have this share of the error of others: they cost less, so there are more of them.
+const REPROJECTED_ERROR: f32 = 0.5;
+
 /// What became of a point that asked the cache.
 #[expect(clippy::large_enum_variant, reason = "most answers are of the large kind")]
 enum Answer {
@@ -135,16 +138,21 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         point.shading.bsdf.has_diffuse() || needs_texture(&point.shading, self.plan)
     }
 
-    /// Reprojects to the points `todo` in passes: what the records can serve is served, a batch of the others becomes records, and the
+    /// Reprojects to the points `todo`, which a lattice of this `stride` asks, in passes: what the records can serve is served, a batch of the others becomes records, and the
     /// rest asks again.
     pub(crate) fn reproject(
         &self,
         points: &[SurfacePoint],
         mut todo: Vec<usize>,
+        stride: usize,
         index: &mut Index,
         counts: &mut Counts,
     ) -> Vec<(usize, Look)> {
         let mut looks = Vec::with_capacity(todo.len());
+        let look_n = |number: usize| {
+            let takes_texture = needs_texture(&points[number].shading, self.plan);
+            if takes_texture { self.plan.look_n } else { self.plan.look_n_at(stride) }
+        };
         while !todo.is_empty() {
             let frozen = &*index;
             let answers: Vec<Answer> = todo
@@ -173,7 +181,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let batch = missing.len().min((missing.len() / BATCH_SHARE).max(MIN_BATCH));
             let made: Vec<(Option<Record>, Look, RayCounts)> = missing[..batch]
                 .par_iter()
-                .map_init(Vec::new, |weights, &number| self.make_record(&points[number], weights))
+                .map_init(Vec::new, |weights, &number| self.make_record(&points[number], look_n(number), weights))
                 .collect();
             for (&number, (record, look, rays)) in missing.iter().zip(made) {
                 index.extend(record);
@@ -228,7 +236,10 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return Answer::Served(Look { incident, record: None }, shares, tracer.rays);
         }
         workspace.samples(record, samples);
-        let record = self.recorder.as_ref().map(|recorder| recorder.record(point, frame, samples, [near, sky]));
+        let record = self
+            .recorder
+            .as_ref()
+            .map(|recorder| recorder.record(point, frame, samples, [near, sky], REPROJECTED_ERROR));
         Answer::Served(Look { incident, record }, shares, tracer.rays)
     }
 
@@ -258,15 +269,20 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         (share(second) < REFUSED, first, Some(second))
     }
 
-    /// What a point sees by a gather, and the record of radiance that comes of it, if that would repay its rays.
-    fn make_record(&self, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> (Option<Record>, Look, RayCounts) {
+    /// What a point sees by a gather of `look_n x look_n` rays, and the record of radiance that comes of it, if that would repay its rays.
+    fn make_record(
+        &self,
+        point: &SurfacePoint,
+        look_n: usize,
+        weights: &mut Vec<Vec3>,
+    ) -> (Option<Record>, Look, RayCounts) {
         /// A record must reach at least so many times as far as one of irradiance that the first look makes.
         const REPAID: f32 = 0.7;
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
         let validity: Validity = self.plan.validity(point.footprint);
-        let samples = self.gatherer.gather(surface, &frame, self.plan.look_n, hash(point.key), &mut rays);
+        let samples = self.gatherer.gather(surface, &frame, look_n, hash(point.key), &mut rays);
         let look = self.look(&samples, &frame, point, weights);
         let enough = look.record.as_ref().map_or(0.0, |record| REPAID * record.reach());
         // What one texel shows or not, elements cannot carry to other places.
@@ -299,7 +315,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             incident.glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
             return Look { incident, record: None };
         }
-        let record = self.recorder.as_ref().map(|recorder| recorder.record(point, *frame, samples, mean));
+        let record = self.recorder.as_ref().map(|recorder| recorder.record(point, *frame, samples, mean, 1.0));
         Look { incident, record }
     }
 

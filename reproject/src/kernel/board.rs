@@ -5,7 +5,7 @@ use std::ops::{BitAnd, BitAndAssign, BitOr, BitOrAssign, BitXor, Not};
 use glam::{Mat3A, Vec2, Vec3A};
 use radcache::{Elements, LANES, MAX_RESOLUTION};
 
-use crate::{Masks, Settings};
+use crate::{Masks, Settings, Trails};
 
 /// Rows of a polygon that are kept: nearly all elements are lower.
 pub(crate) const KEPT: usize = 8;
@@ -130,6 +130,14 @@ pub(crate) struct Task<'a> {
     pub(crate) settings: Settings,
 }
 
+impl Task<'_> {
+    /// Whether silhouettes have margins.
+    #[inline(always)]
+    pub(crate) fn has_margins(&self) -> bool {
+        self.settings.margins && self.settings.trails == Trails::Silhouettes
+    }
+}
+
 /// Why an element or a trail takes the slow way; a set of bits, none for those that lanes have done.
 pub(crate) mod kind {
     /// A corner lies below the horizon.
@@ -171,6 +179,9 @@ pub(crate) struct Places {
     pub(crate) marked: Vec<u16>,
     pub(crate) trail_kind: Vec<u8>,
     pub(crate) trail_first: Vec<u8>,
+    /// The same of the margins of those sides.
+    pub(crate) margin_kind: Vec<u8>,
+    pub(crate) margin_first: Vec<u8>,
 }
 
 impl Places {
@@ -190,6 +201,8 @@ impl Places {
         grow(&mut self.marked, most);
         grow(&mut self.trail_kind, most);
         grow(&mut self.trail_first, most);
+        grow(&mut self.margin_kind, most);
+        grow(&mut self.margin_first, most);
     }
 
     /// The corners of element `e`.
@@ -213,9 +226,11 @@ pub(crate) struct Grid<W> {
     pub(crate) rows: Vec<[W; KEPT]>,
     /// The same of each trail.
     pub(crate) trail_rows: Vec<[W; KEPT]>,
+    /// The same of each margin.
+    pub(crate) margin_rows: Vec<[W; KEPT]>,
     pub(crate) fill: Mask<W>,
     pub(crate) unknown: Mask<W>,
-    /// Both together as the layer began.
+    /// Both together as the layer began, and the margins of its elements.
     pub(crate) closed: Mask<W>,
     pub(crate) layer_fill: [Mask<W>; TURNS],
     pub(crate) trail: [Mask<W>; TURNS],
@@ -233,6 +248,7 @@ impl<W: Word> Default for Grid<W> {
         Self {
             rows: Vec::new(),
             trail_rows: Vec::new(),
+            margin_rows: Vec::new(),
             fill: empty,
             unknown: empty,
             closed: empty,
@@ -263,6 +279,7 @@ impl<W: Word> Board<W> {
         let grid = &mut self.grid;
         grow(&mut grid.rows, padded);
         grow(&mut grid.trail_rows, 4 * padded + LANES);
+        grow(&mut grid.margin_rows, 4 * padded + LANES);
         grid.history.resize(task.elements.layer_count() + 1, [W::default(); MAX_RESOLUTION]);
         grid.special.clear();
         grid.layer_ends.resize(task.elements.layer_count(), 0);

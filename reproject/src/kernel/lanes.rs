@@ -7,7 +7,7 @@ use radcache::{Elements, LANES};
 
 use super::board::{Board, HORIZON, KEPT, LOW, Task, Word, kind};
 use super::scalar::to_square;
-use super::trails::{list_trails, trail_quads};
+use super::trails::{list_trails, margin_quads, trail_quads};
 use crate::Coverage;
 
 pub(super) type Lane<T> = [T; LANES];
@@ -57,11 +57,18 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
     let count = list_trails(task, places);
     for chunk in 0..count.div_ceil(LANES) {
         let at = chunk * LANES;
-        let (u, v) = trail_quads(task, places, at);
+        let trails = trail_quads(task, places, at);
         let mut kinds = [0u32; LANES];
         let rows = lanes_mut(&mut grid.trail_rows, at);
-        spans(&u, &v, scale, lanes_mut(&mut places.trail_first, at), &mut kinds, rows);
+        spans(&trails.0, &trails.1, scale, lanes_mut(&mut places.trail_first, at), &mut kinds, rows);
         *lanes_mut(&mut places.trail_kind, at) = kinds.map(|kind| kind as u8);
+        if task.has_margins() {
+            let (u, v) = margin_quads(task, places, at, &trails);
+            let mut kinds = [0u32; LANES];
+            let rows = lanes_mut(&mut grid.margin_rows, at);
+            spans(&u, &v, scale, lanes_mut(&mut places.margin_first, at), &mut kinds, rows);
+            *lanes_mut(&mut places.margin_kind, at) = kinds.map(|kind| kind as u8);
+        }
     }
 }
 

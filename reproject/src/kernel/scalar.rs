@@ -129,6 +129,11 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
                 places.trails[t] = code;
                 places.trail_first[t] = first;
                 places.trail_kind[t] = tall;
+                if task.has_margins() {
+                    let (first, tall) = keep(&margin_polygon(task, places, code), task.n, &mut grid.margin_rows[t]);
+                    places.margin_first[t] = first;
+                    places.margin_kind[t] = tall;
+                }
                 places.trail_count += 1;
             }
         }
@@ -190,6 +195,41 @@ pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, code: u16) -> [Vec
             [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
         }
     }
+}
+
+/// The margin number `code`: the side where it is now, and where it is inside the element, see [`margin_end`].
+pub(super) fn margin_polygon(task: &Task<'_>, places: &Places, code: u16) -> [Vec2; 4] {
+    let (e, a) = (usize::from(code / 4), usize::from(code % 4));
+    let (now, b) = (places.quad(e), (a + 1) % 4);
+    let texels = margin_texels(task, places, code);
+    let end =
+        |k: usize, beside: usize| margin_end(now[k].into(), before(task, e, k).into(), now[beside].into(), texels);
+    [now[a], now[b], end(b, (a + 2) % 4).into(), end(a, (a + 3) % 4).into()]
+}
+
+/// The texels of an element across one of its sides; 0 where that has no margin: the element fills nothing, or its radiance is a mean that knows how much
+/// of its texels the background takes.
+#[inline(always)]
+pub(super) fn margin_texels(task: &Task<'_>, places: &Places, code: u16) -> f32 {
+    let (e, side) = (usize::from(code / 4), usize::from(code % 4));
+    let is_sharp = places.kind[e] & (kind::HOLLOW | kind::CUT) == 0 && task.elements.background_share[e] == 0.0;
+    let [width, height] = task.elements.size[e].map(f32::from);
+    let across = if side.is_multiple_of(2) { height } else { width };
+    if is_sharp { across } else { 0.0 }
+}
+
+/// The inner end of a margin: from an end of a side, which was `before` and is `now`, as far towards the corner `beside` it, `texels` away, as it came from
+/// there, but at most a texel, and not at all if it went the other way.
+#[inline(always)]
+pub(super) fn margin_end(now: [f32; 2], before: [f32; 2], beside: [f32; 2], texels: f32) -> [f32; 2] {
+    let texel = [(beside[0] - now[0]) / texels, (beside[1] - now[1]) / texels];
+    let along = (now[0] - before[0]) * texel[0] + (now[1] - before[1]) * texel[1];
+    let moved = along / (texel[0] * texel[0] + texel[1] * texel[1]);
+    // Without texels it is not a number, which is not above 0 either.
+    let moved = if moved > 0.0 { moved } else { 0.0 };
+    let moved = if moved < 1.0 { moved } else { 1.0 };
+    let step = |axis: usize| if moved > 0.0 { moved * texel[axis] } else { 0.0 };
+    [now[0] + step(0), now[1] + step(1)]
 }
 
 #[cfg(test)]

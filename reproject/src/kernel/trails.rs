@@ -1,4 +1,9 @@
 //! Trails in lanes: which sides leave one, and what they swept over between the record and the new point (paper, section 5.3).
+//!
+//! A silhouette has a margin besides. It lies somewhere in a texel, and whether that texel belongs to the near or to the far surface is what one ray there met. Where the
+//! surface then retreats, new rays find what it really left free beyond its side, but if it had been given too much, nobody would look for that: it would
+//! keep a sixth of a texel too much on the average. So its last texel inside is unknown too, as far as the side moved: then errors of both signs are seen
+//! by rays, or neither is.
 
 #![expect(clippy::cast_possible_truncation, reason = "elements are at most 64 x 64")]
 
@@ -7,7 +12,7 @@ use radcache::{LANES, Sides};
 
 use super::board::{Places, Task};
 use super::lanes::{Lane, Quads, lanes};
-use super::scalar::{grid_corner, swept_box, to_square};
+use super::scalar::{grid_corner, margin_end, margin_texels, swept_box, to_square};
 use crate::Trails;
 
 /// Lists the sides that leave trails, in order of elements; gives their number. The list is padded with the first side.
@@ -55,9 +60,9 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
         Trails::Silhouettes => {
             let turned = task.rotation != Mat3A::IDENTITY;
             for end in 0..2 {
-                let corners = codes.map(|code| (usize::from(code / 4), (usize::from(code) + end) % 4));
+                let corners = corners(codes, end);
                 // Where this end of the side is now, and where it was.
-                (u[3 - end], v[3 - end]) = (corners.map(|(e, k)| places.u[k][e]), corners.map(|(e, k)| places.v[k][e]));
+                (u[3 - end], v[3 - end]) = now(places, &corners);
                 (u[end], v[end]) = if turned { turned_corners(task, corners) } else { grid_corners(task, corners) };
             }
         }
@@ -70,6 +75,36 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
         }
     }
     (u, v)
+}
+
+/// The margins of 16 sides whose trails cover `trails`.
+#[inline(always)]
+pub(super) fn margin_quads(task: &Task<'_>, places: &Places, at: usize, trails: &(Quads, Quads)) -> (Quads, Quads) {
+    let codes = lanes(&places.trails, at);
+    let texels = codes.map(|code| margin_texels(task, places, code));
+    let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
+    for end in 0..2 {
+        let (now, before) = (3 - end, end);
+        let (beside_u, beside_v) = self::now(places, &corners(codes, now));
+        (u[end], v[end]) = (trails.0[now], trails.1[now]);
+        for e in 0..LANES {
+            let at = |k: usize| [trails.0[k][e], trails.1[k][e]];
+            [u[now][e], v[now][e]] = margin_end(at(now), at(before), [beside_u[e], beside_v[e]], texels[e]);
+        }
+    }
+    (u, v)
+}
+
+/// The elements of 16 sides, and the corners that lie so many after the first of each side.
+#[inline(always)]
+fn corners(codes: &Lane<u16>, after: usize) -> Lane<(usize, usize)> {
+    codes.map(|code| (usize::from(code / 4), (usize::from(code) + after) % 4))
+}
+
+/// Where corners are now.
+#[inline(always)]
+fn now(places: &Places, corners: &Lane<(usize, usize)>) -> (Lane<f32>, Lane<f32>) {
+    (corners.map(|(e, k)| places.u[k][e]), corners.map(|(e, k)| places.v[k][e]))
 }
 
 /// Corners as the record saw them, in the frame of a point with the same normal.

@@ -67,6 +67,9 @@ impl EnvironmentLight {
                 of_roots += f64::from(pixel.element_sum().sqrt()) * solid_angle;
             }
         }
+        if of_roots <= 0.0 {
+            return None;
+        }
         let scale = narrow(integral.element_sum() / of_roots);
         for pixel in &mut important.pixels {
             *pixel += scale * pixel.element_sum().sqrt();
