@@ -1,7 +1,7 @@
 //! Points of the picture: primary rays through mirrors and glass to the surfaces that they show, one entry for each distinct
 //! surface in a pixel, so that antialiasing costs no gathers.
 
-use glam::{UVec2, Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{Hit, Ray, Scene, Surface};
 
 use crate::allocation::SampleNoise;
@@ -14,7 +14,7 @@ use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
 use crate::terms::guide::LobeGuide;
 
-/// A distinct surface in a pixel: one of its samples stands for all.
+/// A distinct surface in a pixel: that of its samples which is nearest to the middle of the pixel stands for all.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SurfacePoint {
     /// Pixel within the band.
@@ -27,10 +27,42 @@ pub(crate) struct SurfacePoint {
     pub(crate) diffuse_weight: Vec3,
     /// Sum of throughput, for the glossy part.
     pub(crate) specular_weight: Vec3,
+    /// Distance of that sample from the middle of the pixel, in pixels, by squares.
+    pub(crate) off_middle: f32,
+    /// Number of samples, and sums over them of how far they are off the one that stands for them, and how their normals differ from its.
+    pub(crate) count: f32,
+    pub(crate) offset: Vec3A,
+    pub(crate) turn: Vec3A,
     /// Width of the pixel at the surface, metres.
     pub(crate) footprint: f32,
     /// Names the point to the generators of random numbers.
     pub(crate) key: u64,
+}
+
+impl SurfacePoint {
+    /// The mean place and normal of the samples. The place may lie off the surface, so no ray may start there, but what light there is at a small distance from a
+    /// point, a record knows.
+    pub(crate) fn middle(&self) -> (Vec3A, Vec3A) {
+        let surface = &self.shading.surface;
+        let n = if self.turn == Vec3A::ZERO { surface.n } else { (surface.n + self.turn / self.count).normalize() };
+        (surface.p + self.offset / self.count, n)
+    }
+
+    /// Joins a sample of the same surface.
+    fn join(&mut self, sample: &Self) {
+        self.diffuse_weight += sample.diffuse_weight;
+        self.specular_weight += sample.specular_weight;
+        self.count += 1.0;
+        let (stands, joins) = (&self.shading.surface, &sample.shading.surface);
+        let (offset, turn) = (joins.p - stands.p, joins.n - stands.n);
+        self.offset += offset;
+        self.turn += turn;
+        if sample.off_middle < self.off_middle {
+            self.offset -= offset * self.count;
+            self.turn -= turn * self.count;
+            (self.shading, self.footprint, self.off_middle) = (sample.shading, sample.footprint, sample.off_middle);
+        }
+    }
 }
 
 /// What the primary rays of one pixel found.
@@ -67,6 +99,8 @@ struct Branch {
     bounces: u32,
     /// Distance from the eye so far.
     length: f32,
+    /// See [`SurfacePoint::off_middle`].
+    off_middle: f32,
 }
 
 /// Traces primary rays.
@@ -100,7 +134,8 @@ impl<S: Secondary> Primary<'_, S> {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
         for number in found.samples..samples {
             let mut sampler = Sampler::new(self.seed, key, number);
-            let film = position.as_vec2() + sampler.next_pair();
+            let place = sampler.next_pair();
+            let film = position.as_vec2() + place;
             let mut terms = Terms::default();
             let mut diffuse = Vec3::ZERO;
             let mut stack = vec![Branch {
@@ -109,6 +144,7 @@ impl<S: Secondary> Primary<'_, S> {
                 chain: 0,
                 bounces: 0,
                 length: 0.0,
+                off_middle: place.distance_squared(Vec2::splat(0.5)),
             }];
             found.rays.camera += 1;
             let mut branch_number = 0;
@@ -169,6 +205,10 @@ impl<S: Secondary> Primary<'_, S> {
                 shading: off_seams(self.scene, shading, &ray, &hit, footprint),
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
+                off_middle: branch.off_middle,
+                count: 1.0,
+                offset: Vec3A::ZERO,
+                turn: Vec3A::ZERO,
                 footprint,
                 key: hash_pair(key, found.points.len() as u64),
             };
@@ -232,6 +272,7 @@ impl<S: Secondary> Primary<'_, S> {
                 chain: hash_pair(from.chain, 1 + way as u64),
                 bounces: from.bounces + 1,
                 length: from.length,
+                off_middle: from.off_middle,
             });
         }
     }
@@ -266,10 +307,7 @@ fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
 fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) {
     let same = points.iter_mut().find(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
     match same {
-        Some(other) => {
-            other.diffuse_weight += point.diffuse_weight;
-            other.specular_weight += point.specular_weight;
-        }
+        Some(other) => other.join(&point),
         None => points.push(point),
     }
 }
@@ -287,7 +325,6 @@ pub(crate) fn same_surface(a: &SurfacePoint, b: &SurfacePoint, tolerance: f32) -
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3A;
     use scene::{Description, Material, Mesh};
 
     use super::*;

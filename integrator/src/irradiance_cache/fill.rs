@@ -57,9 +57,14 @@ pub(crate) fn fill<S: Secondary>(
     let index = &*index;
     counts.interpolated +=
         values.iter().zip(&has_looked).filter(|(value, looked)| value.is_none() && !**looked).count() as u64;
+    let own_place = |number: usize| {
+        let surface = &points[number].shading.surface;
+        Place { p: surface.p, n: surface.n, ..places[number] }
+    };
     let rest = |number: usize| {
         values[number].unwrap_or_else(|| {
-            let light = index.interpolate(&places[number]);
+            // Where its samples are far apart, a point's own record may not reach their middle.
+            let light = index.interpolate(&places[number]).or_else(|| index.interpolate(&own_place(number)));
             let ([near, sky], records) = light.expect("a point that no record reached has become one");
             if !has_looked[number] {
                 term.tell(&points[number], || Step::Interpolated { records });
@@ -70,10 +75,11 @@ pub(crate) fn fill<S: Secondary>(
     (0..points.len()).into_par_iter().map(rest).collect()
 }
 
-/// A point as one that asks records: what stands above it is found by a ray, if it `asks` any.
+/// A point as one that asks records, in the middle of its samples: what stands above it is found by a ray, if it `asks` any.
 fn place<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, asks: bool) -> Place {
     let surface = &point.shading.surface;
     let overhead = || term.gatherer.scene.intersect(&surface.spawn(surface.ng));
     let hit = if asks { overhead() } else { None };
-    Place { p: surface.p, n: surface.n, clearance: hit.map_or(f32::INFINITY, |hit| hit.t) }
+    let (p, n) = point.middle();
+    Place { p, n, clearance: hit.map_or(f32::INFINITY, |hit| hit.t) }
 }

@@ -212,7 +212,7 @@ pub(super) fn margin_polygon(task: &Task<'_>, places: &Places, code: u16) -> [Ve
 #[inline(always)]
 pub(super) fn margin_texels(task: &Task<'_>, places: &Places, code: u16) -> f32 {
     let (e, side) = (usize::from(code / 4), usize::from(code % 4));
-    let is_sharp = places.kind[e] & (kind::HOLLOW | kind::CUT) == 0 && task.elements.background_share[e] == 0.0;
+    let is_sharp = places.kind[e] & kind::HOLLOW == 0 && task.elements.background_share[e] == 0.0;
     let [width, height] = task.elements.size[e].map(f32::from);
     let across = if side.is_multiple_of(2) { height } else { width };
     if is_sharp { across } else { 0.0 }
