@@ -28,8 +28,9 @@ pub(crate) struct Plan {
     /// Reach of records, as a share of the harmonic mean distance.
     pub(crate) spacing: f32,
     /// Error that a record of irradiance may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on
-    /// all of it.
+    /// all of it. Of one that is gathered, and of one that is reprojected.
     pub(crate) error: f32,
+    pub(crate) reprojected_error: f32,
     /// Whether records of irradiance reach as far as the Hessian says.
     pub(crate) by_hessian: bool,
     /// Whether they know the gradients, stop at walls and leave gaps to others.
@@ -89,6 +90,7 @@ impl Plan {
         let (first_spp, budget) = primary_samples(settings);
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
+        let error = study.error.unwrap_or(1e-4 / quality);
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
         let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
@@ -106,7 +108,10 @@ impl Plan {
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
             spacing: study.spacing.unwrap_or(0.2),
-            error: study.error.unwrap_or(1e-4 / quality),
+            // The sky between near things ends more sharply than the Hessian of so few texels tells.
+            error: if settings.method == Method::Reproject && features.environment { 0.5 * error } else { error },
+            // They cost less, so there are more of them.
+            reprojected_error: 0.5 * error,
             by_hessian: study.by_distance != Some(true),
             gradients: study.gradients != Some(false),
             walls: study.walls != Some(false),

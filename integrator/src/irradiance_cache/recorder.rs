@@ -31,7 +31,7 @@ impl Recorder {
         Self { edges, plan: plan.clone() }
     }
 
-    /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to so many times the error of the plan.
+    /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to that `error`.
     ///
     /// # Panics
     /// If the samples have neither of the resolutions of the plan.
@@ -55,7 +55,7 @@ impl Recorder {
         let width = footprint * plan.side;
         let min_radius = MIN_PIXELS * footprint;
         RecordRules {
-            total_error: error * plan.error * width * width,
+            total_error: error * width * width,
             min_radius,
             max_radius: plan.max_reach(footprint).max(min_radius),
             by_hessian: plan.by_hessian,

@@ -72,9 +72,6 @@ pub(crate) struct IndirectTerm<'a, S> {
 const MIN_BATCH: usize = 64;
 const BATCH_SHARE: usize = 4;
 
-/// Records of irradiance that are reprojected may have this share of the error of others: they cost less, so there are more of them.
-const REPROJECTED_ERROR: f32 = 0.5;
-
 /// What became of a point that asked the cache.
 #[expect(clippy::large_enum_variant, reason = "most answers are of the large kind")]
 enum Answer {
@@ -239,7 +236,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let record = self
             .recorder
             .as_ref()
-            .map(|recorder| recorder.record(point, frame, samples, [near, sky], REPROJECTED_ERROR));
+            .map(|recorder| recorder.record(point, frame, samples, [near, sky], self.plan.reprojected_error));
         Answer::Served(Look { incident, record }, shares, tracer.rays)
     }
 
@@ -315,7 +312,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             incident.glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
             return Look { incident, record: None };
         }
-        let record = self.recorder.as_ref().map(|recorder| recorder.record(point, *frame, samples, mean, 1.0));
+        let record =
+            self.recorder.as_ref().map(|recorder| recorder.record(point, *frame, samples, mean, self.plan.error));
         Look { incident, record }
     }
 
