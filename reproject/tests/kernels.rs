@@ -13,7 +13,9 @@ fn every_setting() -> Vec<Settings> {
     for coverage in [Coverage::Quad, Coverage::Rectangle] {
         for trails in [Trails::Silhouettes, Trails::All] {
             for weights in [AreaWeights::Analytic, AreaWeights::Bits] {
-                all.push(Settings { coverage, trails, weights, ..Settings::default() });
+                for margins in [true, false] {
+                    all.push(Settings { coverage, trails, weights, margins, ..Settings::default() });
+                }
             }
         }
     }

@@ -34,7 +34,7 @@ impl Recorder {
     /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to that `error`.
     ///
     /// # Panics
-    /// If the samples have neither of the resolutions of the plan.
+    /// If the samples have none of the resolutions of the plan.
     pub(crate) fn record(
         &self,
         point: &SurfacePoint,

@@ -21,10 +21,13 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             while last_trail < places.trail_count && usize::from(places.trails[last_trail] / 4) < range.end {
                 last_trail += 1;
             }
-            if task.has_margins() {
+            if task.has_margins() && next_trail < last_trail {
                 for t in next_trail..last_trail {
-                    close(task, places, grid, t);
+                    let (bits, first, kind) = (&grid.margin_rows[t], places.margin_first[t], places.margin_kind[t]);
+                    let polygon = || margin_polygon(task, places, places.trails[t]);
+                    sweep(bits, first, kind, task.n, polygon, &mut grid.trail[t % TURNS]);
                 }
+                close_margins(grid);
             }
             elements(places, grid, range.start, range.end);
             // Rare, and no matter of order, so they come after the others of their layer.
@@ -36,7 +39,9 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
                 count_small(places, grid, task.n, layer, range.start..range.end);
             }
             for t in next_trail..last_trail {
-                sweep(task, places, grid, t);
+                let (bits, first, kind) = (&grid.trail_rows[t], places.trail_first[t], places.trail_kind[t]);
+                let polygon = || trail_polygon(task, places, places.trails[t]);
+                sweep(bits, first, kind, task.n, polygon, &mut grid.trail[t % TURNS]);
             }
             next_trail = last_trail;
             end_layer(grid);
@@ -117,46 +122,37 @@ fn from_row_mut<W, const R: usize>(mask: &mut Mask<W>, first: u8) -> &mut [W; R]
         .expect("masks have room for a polygon in the last row")
 }
 
-/// Adds a trail.
+/// Adds the bits of a trail or a margin to a mask; `polygon` is asked for where they were not all kept.
 #[inline(always)]
-fn sweep<W: Word>(task: &Task<'_>, places: &Places, grid: &mut Grid<W>, t: usize) {
-    let (bits, first, trail) = (&grid.trail_rows[t], places.trail_first[t], &mut grid.trail[t % TURNS]);
-    match places.trail_kind[t] {
+fn sweep<W: Word>(
+    bits: &[W; KEPT],
+    first: u8,
+    kind: u8,
+    n: usize,
+    polygon: impl FnOnce() -> [Vec2; 4],
+    trail: &mut Mask<W>,
+) {
+    match kind {
         0 => sweep_rows::<W, LOW>(bits, first, trail),
         kind::HIGH => sweep_rows::<W, KEPT>(bits, first, trail),
-        _ => sweep_tall(task, places, t, trail),
+        _ => sweep_tall(&polygon(), n, trail),
     }
 }
 
-/// Makes the margin of a side unknown, where nothing nearer fills it, before its own layer fills anything.
+/// Makes the margins of a layer, which are swept already, unknown where nothing nearer fills them, before the layer itself fills anything.
 #[inline(always)]
-fn close<W: Word>(task: &Task<'_>, places: &Places, grid: &mut Grid<W>, t: usize) {
-    let Grid { margin_rows, unknown, closed, .. } = grid;
-    let (bits, first) = (&margin_rows[t], places.margin_first[t]);
-    match places.margin_kind[t] {
-        0 => close_rows::<W, LOW>(bits, first, unknown, closed),
-        kind::HIGH => close_rows::<W, KEPT>(bits, first, unknown, closed),
-        _ => close_tall(task, places, t, unknown, closed),
+fn close_margins<W: Word>(grid: &mut Grid<W>) {
+    for j in 0..W::BITS {
+        let margins = joined(&grid.trail, j);
+        grid.unknown[j] |= margins & !grid.closed[j];
+        grid.closed[j] |= margins;
     }
 }
 
-/// At most `R` rows of a margin.
+/// Row `j` of masks that elements or sides took in turn.
 #[inline(always)]
-fn close_rows<W: Word, const R: usize>(bits: &[W; KEPT], first: u8, unknown: &mut Mask<W>, closed: &mut Mask<W>) {
-    let (unknown, closed) = (from_row_mut::<W, R>(unknown, first), from_row_mut::<W, R>(closed, first));
-    for r in 0..R {
-        unknown[r] |= bits[r] & !closed[r];
-        closed[r] |= bits[r];
-    }
-}
-
-#[cold]
-fn close_tall<W: Word>(task: &Task<'_>, places: &Places, t: usize, unknown: &mut Mask<W>, closed: &mut Mask<W>) {
-    let mut bits: Rows = [0; MAX_RESOLUTION];
-    for j in polygon_rows(&margin_polygon(task, places, places.trails[t]), task.n, &mut bits) {
-        unknown[j] |= W::narrow(bits[j]) & !closed[j];
-        closed[j] |= W::narrow(bits[j]);
-    }
+fn joined<W: Word>(masks: &[Mask<W>; TURNS], j: usize) -> W {
+    masks[0][j] | masks[1][j] | masks[2][j] | masks[3][j]
 }
 
 /// At most `R` rows of a trail.
@@ -169,9 +165,9 @@ fn sweep_rows<W: Word, const R: usize>(bits: &[W; KEPT], first: u8, trail: &mut 
 }
 
 #[cold]
-fn sweep_tall<W: Word>(task: &Task<'_>, places: &Places, t: usize, trail: &mut Mask<W>) {
+fn sweep_tall<W: Word>(polygon: &[Vec2; 4], n: usize, trail: &mut Mask<W>) {
     let mut bits: Rows = [0; MAX_RESOLUTION];
-    for j in polygon_rows(&trail_polygon(task, places, places.trails[t]), task.n, &mut bits) {
+    for j in polygon_rows(polygon, n, &mut bits) {
         trail[j] |= W::narrow(bits[j]);
     }
 }
@@ -180,9 +176,8 @@ fn sweep_tall<W: Word>(task: &Task<'_>, places: &Places, t: usize, trail: &mut M
 #[inline(always)]
 fn end_layer<W: Word>(grid: &mut Grid<W>) {
     for j in 0..W::BITS {
-        let any = |masks: &[Mask<W>; TURNS]| masks[0][j] | masks[1][j] | masks[2][j] | masks[3][j];
-        grid.fill[j] |= any(&grid.layer_fill);
-        grid.unknown[j] |= any(&grid.trail) & !grid.fill[j];
+        grid.fill[j] |= joined(&grid.layer_fill, j);
+        grid.unknown[j] |= joined(&grid.trail, j) & !grid.fill[j];
         grid.closed[j] = grid.fill[j] | grid.unknown[j];
         for turn in 0..TURNS {
             grid.layer_fill[turn][j] = W::default();

@@ -226,10 +226,10 @@ pub(super) fn margin_end(now: [f32; 2], before: [f32; 2], beside: [f32; 2], texe
     let along = (now[0] - before[0]) * texel[0] + (now[1] - before[1]) * texel[1];
     let moved = along / (texel[0] * texel[0] + texel[1] * texel[1]);
     // Without texels it is not a number, which is not above 0 either.
-    let moved = if moved > 0.0 { moved } else { 0.0 };
+    let retreats = moved > 0.0;
     let moved = if moved < 1.0 { moved } else { 1.0 };
-    let step = |axis: usize| if moved > 0.0 { moved * texel[axis] } else { 0.0 };
-    [now[0] + step(0), now[1] + step(1)]
+    let end = |axis: usize| if retreats { now[axis] + moved * texel[axis] } else { now[axis] };
+    [end(0), end(1)]
 }
 
 #[cfg(test)]
