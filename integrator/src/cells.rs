@@ -197,8 +197,8 @@ impl CellBuilder<'_> {
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
-            let (light, _) = direct_light(self.scene, point, sampler.next_4d(), self.sky, &mut row.rays);
-            row.direct += light * pi;
+            let u = sampler.next_4d();
+            row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, 1, u, self.sky, &mut row.rays) * pi;
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
             }

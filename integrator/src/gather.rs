@@ -31,13 +31,13 @@ impl<S: Secondary> Gatherer<'_, S> {
         let directions = samples.directions();
         for (texel, &wi) in directions.iter().enumerate() {
             let wi = frame.to_world(wi);
-            let mut sampler = Sampler::new(self.seed, hash_pair(key, texel as u64), 0);
+            let mut sampler = Sampler::alone(self.seed, hash_pair(key, texel as u64));
             let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
             let normal = found.map_or(-wi, |found| found.ng);
             samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
             samples.view_dependent[texel] = found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
         }
-        settle_highlights(&mut samples);
+        let shines = highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
             for (is_marked, wi) in samples.view_dependent.iter_mut().zip(directions) {
@@ -45,32 +45,31 @@ impl<S: Secondary> Gatherer<'_, S> {
             }
         }
         rays.gather += (n * n) as u64;
-        if self.sky.is_some() {
-            self.refine_rims(surface, frame, &mut samples, key, rays);
+        if self.sky.is_some() || !shines.is_empty() {
+            self.refine(surface, frame, &mut samples, &shines, key, rays);
         }
         samples
     }
 
-    /// Looks again, with several rays, through the texels where the sky ends: a window is so bright beside its frame that one ray a texel
-    /// would measure its area too roughly.
-    fn refine_rims(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
+    /// Looks again, with several rays, through the texels where the sky ends and where something `shines`: a window is so bright beside its frame, and a
+    /// highlight beside what else is reflected, that one ray a texel would measure its area too roughly.
+    fn refine(
+        &self,
+        surface: &Surface,
+        frame: &Frame,
+        samples: &mut Samples,
+        shines: &[usize],
+        key: u64,
+        rays: &mut RayCounts,
+    ) {
         let n = samples.resolution();
-        let is_sky: Vec<bool> = samples.distance.iter().map(|d| d.is_infinite()).collect();
-        // By its neighbours alone: if its own ray had a say, the mean would be biased.
-        let is_rim = |texel: usize| {
-            let (i, j) = (texel % n, texel / n);
-            let around = (j.saturating_sub(1)..(j + 2).min(n))
-                .flat_map(|y| (i.saturating_sub(1)..(i + 2).min(n)).map(move |x| y * n + x));
-            let mut others = around.filter(|&other| other != texel).map(|other| is_sky[other]);
-            let first = others.next();
-            others.any(|sky| Some(sky) != first)
-        };
-        for texel in (0..n * n).filter(|&texel| is_rim(texel)) {
+        let counts = further_rays(samples, shines);
+        for (texel, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
             let mut parts = [Vec3::ZERO; 2];
             let first = samples.radiance[texel];
-            parts[usize::from(is_sky[texel])] += first;
-            for number in 0..RIM_RAYS {
+            parts[usize::from(samples.distance[texel].is_infinite())] += first;
+            for number in 0..count {
                 let stream = hash_pair(key, texel as u64);
                 let mut sampler = Sampler::new(self.seed ^ RIM_STREAM, stream, number);
                 let u = (place + sampler.next_2d()) / n as f32;
@@ -78,9 +77,9 @@ impl<S: Secondary> Gatherer<'_, S> {
                 let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
                 parts[usize::from(traced.distance.is_infinite())] += traced.radiance;
             }
-            rays.gather += u64::from(RIM_RAYS);
+            rays.gather += u64::from(count);
             let sum = parts[0] + parts[1];
-            samples.radiance[texel] = sum / (RIM_RAYS + 1) as f32;
+            samples.radiance[texel] = sum / (count + 1) as f32;
             let total = sum.element_sum();
             samples.background_share[texel] = if total > 0.0 { parts[1].element_sum() / total } else { 0.0 };
         }
@@ -117,17 +116,43 @@ fn has_highlight(bsdf: &Bsdf) -> bool {
     matches!(bsdf.specular, Specular::Ggx { alpha, .. } if alpha < WIDE)
 }
 
-/// Keeps the marks of view-dependent texels only where one of them shines: without a highlight, reflections change slowly.
-///
-/// All of them keep it then, the dark ones too, for a highlight moves from one to the other.
-fn settle_highlights(samples: &mut Samples) {
+/// Returns the highlights, texels that are marked as view-dependent and bright. Where there are none, reflections change slowly, and no texel keeps
+/// its mark; else all of them keep it, the dark ones too, for a highlight moves from one to the other.
+fn highlights(samples: &mut Samples) -> Vec<usize> {
     /// A highlight is so many times brighter than the mean.
     const BRIGHT: f32 = 3.0;
     let limit = BRIGHT * samples.mean_radiance().max_element();
-    let mut marked = samples.radiance.iter().zip(&samples.view_dependent).filter(|(_, marked)| **marked);
-    if !marked.any(|(radiance, _)| radiance.max_element() > limit) {
+    let is_highlight = |&texel: &usize| samples.view_dependent[texel] && samples.radiance[texel].max_element() > limit;
+    let highlights: Vec<usize> = (0..samples.radiance.len()).filter(is_highlight).collect();
+    if highlights.is_empty() {
         samples.view_dependent.fill(false);
     }
+    highlights
+}
+
+/// Returns how many rays more each texel takes: where the sky ends, and around what shines. By its neighbours alone: if its own ray had a say, the
+/// mean would be biased.
+fn further_rays(samples: &Samples, shines: &[usize]) -> Vec<u32> {
+    let n = samples.resolution();
+    let around = |texel: usize| {
+        let (i, j) = (texel % n, texel / n);
+        let rows = j.saturating_sub(1)..(j + 2).min(n);
+        let square = rows.flat_map(move |y| (i.saturating_sub(1)..(i + 2).min(n)).map(move |x| y * n + x));
+        square.filter(move |&other| other != texel)
+    };
+    let mut counts = vec![0; n * n];
+    for neighbour in shines.iter().flat_map(|&texel| around(texel)) {
+        counts[neighbour] = HIGHLIGHT_RAYS;
+    }
+    let is_sky = |texel: usize| samples.distance[texel].is_infinite();
+    for (texel, count) in counts.iter_mut().enumerate() {
+        let mut others = around(texel).map(is_sky);
+        let first = others.next();
+        if others.any(|sky| Some(sky) != first) {
+            *count = RIM_RAYS;
+        }
+    }
+    counts
 }
 
 /// The [`Tracer`] of a point: hole rays with light, verification rays without.
@@ -143,7 +168,7 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
     fn trace(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
         for (number, (wi, out)) in wi.iter().zip(out).enumerate() {
             let number = u32::try_from(number).expect("at most 64 x 64 rays");
-            let mut sampler = Sampler::new(self.gatherer.seed ^ HOLE_STREAM, self.key, number);
+            let mut sampler = Sampler::alone(self.gatherer.seed ^ HOLE_STREAM, hash_pair(self.key, u64::from(number)));
             (*out, _) = self.gatherer.incident(&self.surface, *wi, &mut sampler, &mut self.rays);
         }
         self.rays.hole += wi.len() as u64;
@@ -160,9 +185,10 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
     }
 }
 
-/// Rays through a texel at the rim of the sky, beside the first.
+/// Rays through a texel at the rim of the sky, and through one beside a highlight, besides the first.
 const RIM_RAYS: u32 = 8;
-/// Keeps the random numbers of rims apart from those of records.
+const HIGHLIGHT_RAYS: u32 = 2;
+/// Keeps the random numbers of further rays apart from those of records.
 const RIM_STREAM: u64 = 0x0072_696d;
 /// Keeps the random numbers of hole rays apart from those of records.
 const HOLE_STREAM: u64 = 0x686f_6c65;

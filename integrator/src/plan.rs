@@ -91,6 +91,8 @@ impl Plan {
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
+        // Links that end in a window, or at a lamp by way of gloss, are few and bright.
+        let links = if features.glossy || features.environment { 500_000.0 } else { 250_000.0 };
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
         let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
@@ -131,7 +133,7 @@ impl Plan {
             global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { photons } else { 0 },
             caustic_photons: if lit && features.delta { photons } else { 0 },
             cell_rays: if features.diffuse && secondary == SecondaryKind::Cells {
-                round(500_000.0 * quality, 50_000.0, 50_000_000.0)
+                round(links * quality.powf(0.75), 50_000.0, 50_000_000.0)
             } else {
                 0
             },

@@ -48,6 +48,8 @@ pub struct Sampler {
     block: u32,
     values: [f32; 4],
     used: usize,
+    /// Whether there are no other samples to be stratified with.
+    is_alone: bool,
 }
 
 impl Sampler {
@@ -56,7 +58,21 @@ impl Sampler {
     #[must_use]
     pub const fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let key = hash_pair(hash_pair(seed, pixel), (sample / SEQUENCE_LENGTH) as u64);
-        Self { key, bounce_key: key, index: sample % SEQUENCE_LENGTH, block: 0, values: [0.0; 4], used: 4 }
+        Self {
+            key,
+            bounce_key: key,
+            index: sample % SEQUENCE_LENGTH,
+            block: 0,
+            values: [0.0; 4],
+            used: 4,
+            is_alone: false,
+        }
+    }
+
+    /// Starts the numbers of the only sample of `pixel`: unrelated ones, for they are cheaper and there is nothing to stratify.
+    #[must_use]
+    pub const fn alone(seed: u64, pixel: u64) -> Self {
+        Self { is_alone: true, ..Self::new(seed, pixel, 0) }
     }
 
     /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have used.
@@ -85,15 +101,20 @@ impl Sampler {
             let key = hash_pair(parent.key, index / length);
             #[expect(clippy::cast_possible_truncation, reason = "below the length")]
             let index = (index % length) as u32;
-            Self { key, bounce_key: key, index, ..parent.clone() }
+            Self { key, bounce_key: key, index, is_alone: false, ..parent.clone() }
         })
     }
 
     /// Returns the next four numbers, stratified together, and gives up what is left of the block before.
     pub fn next_4d(&mut self) -> [f32; 4] {
-        let seed = upper(hash_pair(self.bounce_key, u64::from(self.block)));
+        let seed = hash_pair(self.bounce_key, u64::from(self.block));
         self.block += 1;
         self.used = 4;
+        if self.is_alone {
+            let more = hash(seed);
+            return [seed, seed << 32, more, more << 32].map(|bits| (bits >> 40) as f32 * (1.0 / 16_777_216.0));
+        }
+        let seed = upper(seed);
         sobol_burley::sample_4d(self.index, 0, seed)
     }
 
@@ -264,6 +285,24 @@ mod tests {
         assert_eq!(values, (0..5).map(|_| b.next_1d()).collect::<Vec<_>>(), "bounce 1");
         a.start_bounce(2);
         assert_ne!(values[0], a.next_1d(), "bounces differ");
+    }
+
+    #[test]
+    fn numbers_of_one_alone_are_uniform_and_unrelated() {
+        const COUNT: u64 = 4096;
+        let mut sums = [0.0; 4];
+        for pixel in 0..COUNT {
+            let mut sampler = Sampler::alone(3, pixel);
+            let first = sampler.next_4d();
+            sampler.start_bounce(1);
+            let second = sampler.next_4d();
+            assert!(first.iter().chain(&second).all(|u| (0.0..1.0).contains(u)), "{first:?} {second:?}");
+            for axis in 0..4 {
+                sums[axis] += f64::from(12.0 * (first[axis] - 0.5) * (second[(axis + 1) % 4] - 0.5)) / COUNT as f64;
+            }
+        }
+        // As below.
+        assert!(sums.iter().all(|sum| sum.abs() < 4.5 / 64.0), "correlations {sums:?}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use scene::{Bsdf, LightSample, Lobes, Ray, Scene, Surface};
+use scene::{Bsdf, LightSample, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::sky::SkySplit;
@@ -123,38 +123,90 @@ impl<S: Secondary> Visitor for Answer<'_, S> {
     }
 }
 
+/// Returns from how many directions to lights [`direct_light`] should choose for a surface behind the first: several where a lamp may lie in a lobe so
+/// narrow that one says little of it, and so wide that the lobe's own samples say little either.
+pub(crate) fn light_candidates(scene: &Scene, shading: &Shading) -> u32 {
+    /// For a surface that reflects by this lobe alone.
+    const CANDIDATES: f32 = 8.0;
+    const ALPHAS: std::ops::Range<f32> = 0.02..0.5;
+    /// So many alphas from the mirrored direction little is left of the lobe.
+    const LOBE_END: f32 = 3.0;
+    let Shading { surface, frame, bsdf, wo } = shading;
+    let Specular::Ggx { alpha, .. } = bsdf.specular else { return 1 };
+    if !ALPHAS.contains(&alpha) {
+        return 1;
+    }
+    if let Some((axis, half_angle)) = scene.lights().cone(surface.p) {
+        let mirrored = frame.to_world(Vec3A::new(-wo.x, -wo.y, wo.z));
+        if mirrored.dot(axis).clamp(-1.0, 1.0).acos() > half_angle + LOBE_END * alpha {
+            return 1;
+        }
+    }
+    let share = bsdf.specular_probability(Lobes::ALL, *wo);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most CANDIDATES")]
+    let count = (CANDIDATES * share).ceil() as u32;
+    count.max(1)
+}
+
 /// Light that arrives straight from the sources and is reflected to the viewer: by the diffuse part, and by the glossy part under
-/// the power heuristic with sampling of that lobe. One light is sampled with the four numbers `u`.
+/// the power heuristic with sampling of that lobe.
+///
+/// Of `count` directions to lights one is traced, chosen by what it would bring. All of them count against the samples of the lobe, whose weight must be
+/// taken against `count` times the density of the lights. The four numbers `u` choose the light, the direction, and which of them is traced.
 ///
 /// With `sky`, only the hard part of the surroundings counts for the diffuse part.
+///
+/// # Source
+/// Talbot, Cline, Egbert 2005: Importance Resampling for Global Illumination.
 pub(crate) fn direct_light(
     scene: &Scene,
     shading: &Shading,
+    lobes: Lobes,
+    count: u32,
     u: [f32; 4],
     sky: Option<&SkySplit>,
     rays: &mut RayCounts,
-) -> (Vec3, Vec3) {
+) -> Vec3 {
+    /// A sequence of low discrepancy (Roberts 2018).
+    const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
     let Shading { surface, frame, bsdf, wo } = shading;
-    let nothing = (Vec3::ZERO, Vec3::ZERO);
     // Where the glossy part is wanted too, its density must be that of the other technique's weight.
     let lights = sky.filter(|_| !bsdf.has_glossy()).map_or(scene.lights(), SkySplit::lights);
-    let Some(light) = lights.sample(surface.p, surface.n, u[0], Vec2::new(u[1], u[2])) else {
-        return nothing;
-    };
-    let wi = frame.to_local(light.wi);
-    if wi.z <= 0.0 || !shading.leaves(light.wi, wi) {
-        return nothing;
+    let mut lights = lights.seen_from(surface.p, surface.n);
+    let mut total = 0.0;
+    let mut u_pick = u[3];
+    let mut picked: Option<(LightSample, Vec3, f32)> = None;
+    for number in 0..count {
+        let number = number as f32;
+        let u_choice = (u[0] + number / count as f32).fract();
+        let u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
+        let Some(mut light) = lights.sample(u_choice, u_direction) else { continue };
+        let wi = frame.to_local(light.wi);
+        if wi.z <= 0.0 || !shading.leaves(light.wi, wi) {
+            continue;
+        }
+        light.pdf *= count as f32;
+        let value = unshadowed(bsdf, lobes, *wo, wi, &light, sky);
+        let weight = value.max_element();
+        if weight.is_nan() || weight <= 0.0 {
+            continue;
+        }
+        total += weight;
+        // What is left of the number is uniform again.
+        let share = weight / total;
+        if u_pick < share {
+            picked = Some((light, value, weight));
+            u_pick /= share;
+        } else {
+            u_pick = (u_pick - share) / (1.0 - share);
+        }
     }
-    let (diffuse, specular) = unshadowed(bsdf, *wo, wi, &light, sky);
-    if diffuse == Vec3::ZERO && specular == Vec3::ZERO {
-        return nothing;
-    }
+    let Some((light, value, weight)) = picked else { return Vec3::ZERO };
     rays.shadow += 1;
     if scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
-        return nothing;
+        return Vec3::ZERO;
     }
-    let through = scene.transmittance_within(surface.media, light.distance);
-    (diffuse * through, specular * through)
+    value * (total / weight) * scene.transmittance_within(surface.media, light.distance)
 }
 
 /// Direct light of sources that light sampling does not know, such as surfaces whose holes a mask draws, reflected by the diffuse part: by one
@@ -169,23 +221,23 @@ pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays
     if known { Vec3::ZERO } else { shading.bsdf.diffuse * emission * scene.transmittance(&surface) }
 }
 
-fn unshadowed(bsdf: &Bsdf, wo: Vec3A, wi: Vec3A, light: &LightSample, sky: Option<&SkySplit>) -> (Vec3, Vec3) {
+/// Light of a sample that the lobes reflect where nothing stands between.
+fn unshadowed(bsdf: &Bsdf, lobes: Lobes, wo: Vec3A, wi: Vec3A, light: &LightSample, sky: Option<&SkySplit>) -> Vec3 {
     let factor = wi.z / light.pdf;
     let is_sky = light.distance.is_infinite() && !light.delta;
-    let mut diffuse = Vec3::ZERO;
-    if bsdf.has_diffuse() {
+    let mut value = Vec3::ZERO;
+    if lobes.contains(Lobes::DIFFUSE) && bsdf.has_diffuse() {
         let radiance = match sky {
             Some(sky) if is_sky => sky.hard(light.radiance),
             _ => light.radiance,
         };
-        diffuse = bsdf.eval(Lobes::DIFFUSE, wo, wi) * radiance * factor;
+        value = bsdf.eval(Lobes::DIFFUSE, wo, wi) * radiance * factor;
     }
-    let mut specular = Vec3::ZERO;
-    if bsdf.has_glossy() {
+    if lobes.contains(Lobes::SPECULAR) && bsdf.has_glossy() {
         let weight = if light.delta { 1.0 } else { mis_weight(light.pdf, bsdf.pdf(Lobes::SPECULAR, wo, wi)) };
-        specular = bsdf.eval(Lobes::SPECULAR, wo, wi) * light.radiance * (factor * weight);
+        value += bsdf.eval(Lobes::SPECULAR, wo, wi) * light.radiance * (factor * weight);
     }
-    (diffuse, specular)
+    value
 }
 
 /// Power heuristic for a sample of density `taken` that the other technique would take with density `other` (Veach 1997); 1 for
@@ -196,4 +248,87 @@ pub(crate) fn mis_weight(taken: f32, other: f32) -> f32 {
     }
     let ratio = other / taken;
     1.0 / (1.0 + ratio * ratio)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rng;
+    use scene::{Description, Material, Mesh, SpecularKind};
+
+    /// A lamp of 0.4 m x 0.4 m at a height of 1 m over a floor of metal.
+    fn lamp_over_metal(alpha: f32) -> Scene {
+        let square = |half: f32, y: f32| {
+            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| Vec3::new(half * x, y, half * z))
+        };
+        let mesh = Mesh {
+            positions: [square(5.0, 0.0), square(0.2, 1.0)].concat(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
+            materials: vec![0, 0, 1, 1],
+            ..Mesh::default()
+        };
+        let specular = SpecularKind::Ggx { alpha, reflectance: Vec3::ONE, schlick: false };
+        let metal = Material { diffuse: Vec3::ZERO, specular, ..Material::default() };
+        let lamp = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
+        Scene::new(Description { meshes: vec![mesh], materials: vec![metal, lamp], ..Description::default() }).unwrap()
+    }
+
+    /// Mean and variance of the light that the floor reflects to an eye, by directions to lights and by the lobe together.
+    fn reflected(scene: &Scene, shading: &Shading, count: u32) -> (f64, f64) {
+        const SAMPLES: u32 = 40_000;
+        let mut rng = Rng::new(1, u64::from(count));
+        let (mut sum, mut sum_sq) = (0.0, 0.0);
+        for _ in 0..SAMPLES {
+            let u = [0; 4].map(|_| rng.next_1d());
+            let mut rays = RayCounts::default();
+            let mut light = direct_light(scene, shading, Lobes::SPECULAR, count, u, None, &mut rays).x;
+            assert!(rays.shadow <= 1, "one ray at most");
+            if let Some(sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, 0.5, rng.next_2d()) {
+                let wi = shading.frame.to_world(sample.wi);
+                let ray = shading.surface.spawn(wi);
+                if let Some(hit) = scene.intersect(&ray) {
+                    let lamp = scene.surface(&ray, &hit);
+                    let pdf = scene.lights().pdf_surface(shading.surface.p, wi, &lamp);
+                    light += mis_weight(sample.pdf / count as f32, pdf) * (sample.weight * scene.emission(&lamp)).x;
+                }
+            }
+            let light = f64::from(light);
+            sum += light;
+            sum_sq += light * light;
+        }
+        let mean = sum / f64::from(SAMPLES);
+        (mean, sum_sq / f64::from(SAMPLES) - mean * mean)
+    }
+
+    #[test]
+    fn candidates_save_noise_and_lose_no_light() {
+        for (alpha, eye) in [(0.1, Vec3A::new(-1.0, 1.0, 0.1)), (0.3, Vec3A::new(-1.0, 0.7, 0.0)), (0.1, Vec3A::Y)] {
+            let scene = lamp_over_metal(alpha);
+            let ray = Ray::new(eye, Vec3A::new(0.3, 0.0, 0.2).normalize() - eye);
+            let ray = Ray::new(eye, ray.direction.normalize());
+            let hit = scene.intersect(&ray).unwrap();
+            let shading = Shading::new(&scene, scene.surface(&ray, &hit), ray.direction);
+            let [(one, noise_of_one), (eight, noise_of_eight)] = [1, 8].map(|count| reflected(&scene, &shading, count));
+            let error = ((noise_of_one + noise_of_eight) / 40_000.0).sqrt();
+            assert!((one - eight).abs() < 4.0 * error, "alpha {alpha}: {one} and {eight} +- {error}");
+            assert!(noise_of_eight < 0.6 * noise_of_one, "alpha {alpha}: {noise_of_eight} of {noise_of_one}");
+        }
+    }
+
+    #[test]
+    fn candidates_are_for_lamps_in_a_lobe() {
+        let scene = lamp_over_metal(0.1);
+        let count = |x: f32| {
+            let ray = Ray::new(Vec3A::new(x - 1.0, 1.0, 0.0), Vec3A::new(1.0, -1.0, 0.0).normalize());
+            let hit = scene.intersect(&ray).unwrap();
+            light_candidates(&scene, &Shading::new(&scene, scene.surface(&ray, &hit), ray.direction))
+        };
+        // From 1 m to the left of the lamp's middle the mirrored ray meets it.
+        assert_eq!([-1.0, 1.0].map(count), [8, 1], "towards the lamp and away from it");
+        let scene = lamp_over_metal(0.6);
+        let ray = Ray::new(Vec3A::new(-2.0, 1.0, 0.0), Vec3A::new(1.0, -1.0, 0.0).normalize());
+        let hit = scene.intersect(&ray).unwrap();
+        let shading = Shading::new(&scene, scene.surface(&ray, &hit), ray.direction);
+        assert_eq!(light_candidates(&scene, &shading), 1, "a wide lobe");
+    }
 }

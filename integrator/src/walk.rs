@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use scene::{Lobes, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
-use crate::secondary::{Shading, direct_light, mis_weight, unsampled_emission};
+use crate::secondary::{Shading, direct_light, light_candidates, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
 /// From this bounce on, walks are ended by roulette.
@@ -51,15 +51,16 @@ pub(crate) fn walk(
     let mut beta = scene.transmittance(&surface);
     let mut near = surface.t;
     let mut shading = Shading::new(scene, surface, direction);
-    // Where the last glossy bounce was, and its density: what it meets counts beside what light sampling found there.
+    // Where the last glossy bounce was, and its density for each direction to lights there: what it meets counts beside what these found.
     let mut glossy: Option<(Vec3A, f32)> = None;
     for bounce in 1..MAX_BOUNCES {
         sampler.start_bounce(bounce);
         let Shading { bsdf, .. } = shading;
+        let candidates = light_candidates(scene, &shading);
         let taken = if bsdf.has_diffuse() { visitor.visit(&shading, beta, near) } else { Taken::All };
         if taken != Taken::All || bsdf.has_glossy() {
-            let (diffuse, specular) = direct_light(scene, &shading, sampler.next_4d(), None, rays);
-            visitor.add(beta * if taken == Taken::All { specular } else { diffuse + specular });
+            let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
+            visitor.add(beta * direct_light(scene, &shading, lobes, candidates, sampler.next_4d(), None, rays));
         }
         if taken != Taken::All && scene.features().emissive_unsampled {
             visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_2d(), rays));
@@ -98,7 +99,7 @@ pub(crate) fn walk(
         glossy = match (glossy, sample.delta) {
             // Light sampling and the caustics found all that the diffuse part sees by itself.
             _ if lobe == Lobes::DIFFUSE => None,
-            (_, false) => Some((shading.surface.p, sample.pdf)),
+            (_, false) => Some((shading.surface.p, sample.pdf / candidates as f32)),
             // Behind a mirror nothing else could have found the light.
             (Some(_), true) => Some((shading.surface.p, 0.0)),
             (None, true) => None,

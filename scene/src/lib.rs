@@ -32,7 +32,7 @@ pub use error::BuildError;
 pub use features::Features;
 pub use freeform;
 pub use glam;
-pub use light::{Emission, LightSample, Lights};
+pub use light::{Emission, LightSample, Lights, SeenLights};
 pub use load::{FileSettings, LoadError, LoadOptions, Loaded, Problem, limits, load, load_embedded};
 pub use material::{Bsdf, BsdfSample, Lobes, Specular, fresnel_dielectric};
 pub use media::Media;

@@ -67,8 +67,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
             let point = sampler.next_pair();
             let choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
             let u = [choice, point.x, point.y, 0.0];
-            let (diffuse, specular) = direct_light(self.scene, shading, u, self.sky, rays);
-            light.direct += (diffuse + specular) / count as f32;
+            light.direct += direct_light(self.scene, shading, Lobes::ALL, 1, u, self.sky, rays) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);

@@ -10,6 +10,7 @@ mod form;
 mod punctual;
 mod rectangle;
 mod region;
+mod seen;
 mod tree;
 mod triangle;
 
@@ -20,6 +21,7 @@ use choice::Choice;
 use environment::EnvironmentLight;
 pub(crate) use form::FormLight;
 use rectangle::RectangleLight;
+pub use seen::SeenLights;
 use tree::{Emitter, LightTree};
 pub(crate) use triangle::TriangleLight;
 
@@ -41,6 +43,8 @@ pub struct Lights {
     near_count: usize,
     total_flux: Vec3,
     surroundings: Sphere,
+    /// Around all of them, where none is at infinity.
+    extent: Option<Sphere>,
 }
 
 /// One of the lights.
@@ -130,9 +134,14 @@ impl Lights {
             near_count,
             total_flux: Vec3::ZERO,
             surroundings,
+            extent: None,
         };
+        let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
+        if near_count == lights.count() {
+            let bounds = emitters.iter().fold(Aabb::EMPTY, |bounds, emitter| bounds.union(emitter.bounds));
+            lights.extent = Some(Sphere { centre: bounds.centre().into(), radius: bounds.radius() });
+        }
         if near_count >= LEAST_IN_TREE {
-            let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
             lights.tree = Some(LightTree::new(&emitters));
         }
         lights.weigh();
@@ -182,15 +191,25 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn sample(&self, p: Vec3A, n: Vec3A, u_choice: f32, u: Vec2) -> Option<LightSample> {
-        let (index, probability) = self.choose(p, u_choice)?;
-        let sample = match self.light(index) {
-            Light::Rectangle(light) => light.sample(p, u, probability)?,
-            Light::Triangle(light) => light.sample(p, u, probability)?,
-            Light::Form(light) => light.sample(p, n, u, probability)?,
-            Light::Punctual(light) => punctual::sample(light, p, probability)?,
-            Light::Environment(light) => light.sample(u, probability)?,
-        };
-        (n.dot(sample.wi) > 0.0).then_some(sample)
+        self.seen_from(p, n).sample(u_choice, u)
+    }
+
+    /// Returns the lights as a surface at `p` with normal `n` sees them, for whoever wants many directions to them.
+    #[inline]
+    #[must_use]
+    pub fn seen_from(&self, p: Vec3A, n: Vec3A) -> SeenLights<'_> {
+        SeenLights::new(self, p, n)
+    }
+
+    /// Returns the cone in which all lights lie as seen from `p`: its axis, a unit vector, and its half angle in radians; `None` where there is no such cone, as
+    /// among the lights or under a sky.
+    #[inline]
+    #[must_use]
+    pub fn cone(&self, p: Vec3A) -> Option<(Vec3A, f32)> {
+        let Sphere { centre, radius } = self.extent?;
+        let offset = centre - p;
+        let distance = offset.length();
+        (distance > radius).then(|| (offset / distance, (radius / distance).asin()))
     }
 
     /// Returns the density of [`Lights::sample`] at `p` for the direction `wi` in which a ray from `p` met `surface`, per steradian.

@@ -100,18 +100,10 @@ impl RectangleLight {
         self.corner + self.axes[0] * along.x + self.axes[1] * along.y
     }
 
+    /// Returns the rectangle as `p` sees it; `None` from behind.
     #[inline]
-    pub(super) fn sample(&self, p: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
-        if self.normal.dot(self.corner - p) >= 0.0 {
-            return None;
-        }
-        let near = self.near(p);
-        let offset = near.as_ref().map_or_else(|| self.point(u) - p, |near| near.sample(u, &self.axes, self.normal));
-        let distance_sq = offset.length_squared();
-        let distance = distance_sq.sqrt();
-        let wi = offset / distance;
-        let pdf = near.map_or_else(|| self.pdf_by_area(wi, distance_sq), |near| near.pdf()) * probability;
-        LightSample::of_surface(wi, distance, self.radiance, pdf)
+    pub(super) fn seen_from(&self, p: Vec3A) -> Option<SeenRectangle<'_>> {
+        (self.normal.dot(self.corner - p) < 0.0).then(|| SeenRectangle { light: self, p, near: self.near(p) })
     }
 
     /// Returns the density of a direction in which a ray from `p` met this rectangle at `surface`, per steradian.
@@ -144,7 +136,31 @@ impl RectangleLight {
     }
 }
 
+/// A rectangle and who sees it.
+#[derive(Debug)]
+pub(super) struct SeenRectangle<'a> {
+    light: &'a RectangleLight,
+    p: Vec3A,
+    near: Option<SphericalRectangle>,
+}
+
+impl SeenRectangle<'_> {
+    /// Returns a direction to it.
+    #[inline]
+    pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
+        let Self { light, p, near } = self;
+        let offset =
+            near.as_ref().map_or_else(|| light.point(u) - *p, |near| near.sample(u, &light.axes, light.normal));
+        let distance_sq = offset.length_squared();
+        let distance = distance_sq.sqrt();
+        let wi = offset / distance;
+        let pdf = near.as_ref().map_or_else(|| light.pdf_by_area(wi, distance_sq), |near| near.pdf()) * probability;
+        LightSample::of_surface(wi, distance, light.radiance, pdf)
+    }
+}
+
 /// A rectangle seen from the origin of a frame whose x and y are its edges; it lies at z = -`height`.
+#[derive(Debug)]
 struct SphericalRectangle {
     low: DVec2,
     high: DVec2,

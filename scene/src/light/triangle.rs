@@ -55,31 +55,11 @@ impl TriangleLight {
         self.radiance * (PI * self.area)
     }
 
+    /// Returns the triangle as `p` sees it; `None` from behind.
     #[inline]
-    pub(super) fn sample(&self, p: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
-        let to_corner = Vec3A::from(self.corners[0]) - p;
-        if self.normal.dot(to_corner) >= 0.0 {
-            return None;
-        }
-        match self.near(p) {
-            Some(triangle) => {
-                let direction = triangle.sample(u);
-                let [a, b, c] = self.corners.map(|corner| corner.as_dvec3());
-                let normal = (b - a).cross(c - a);
-                let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
-                #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-                let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
-                LightSample::of_surface(direction.as_vec3a(), distance, self.radiance, pdf * probability)
-            }
-            None => {
-                let offset = self.point(u) - p;
-                let distance_sq = offset.length_squared();
-                let distance = distance_sq.sqrt();
-                let wi = offset / distance;
-                let pdf = pdf_by_area(-self.normal.dot(wi), self.area, distance_sq) * probability;
-                LightSample::of_surface(wi, distance, self.radiance, pdf)
-            }
-        }
+    pub(super) fn seen_from(&self, p: Vec3A) -> Option<SeenTriangle<'_>> {
+        let is_front = self.normal.dot(Vec3A::from(self.corners[0]) - p) < 0.0;
+        is_front.then(|| SeenTriangle { light: self, p, near: self.near(p) })
     }
 
     /// Returns the density of a direction in which a ray from `p` met this triangle at `surface`, per steradian.
@@ -125,7 +105,43 @@ pub(super) fn leave(p: Vec3A, normal: Vec3A, largest: Vec3A, u_direction: Vec2, 
     Emission { ray: Ray::new(surface::offset(p, normal, p_error, direction), direction), flux }
 }
 
+/// A triangle and who sees it.
+#[derive(Debug)]
+pub(super) struct SeenTriangle<'a> {
+    light: &'a TriangleLight,
+    p: Vec3A,
+    near: Option<SphericalTriangle>,
+}
+
+impl SeenTriangle<'_> {
+    /// Returns a direction to it.
+    #[inline]
+    pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
+        let Self { light, p, near } = self;
+        match near {
+            Some(triangle) => {
+                let direction = triangle.sample(u);
+                let [a, b, c] = light.corners.map(|corner| corner.as_dvec3());
+                let normal = (b - a).cross(c - a);
+                let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
+                #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+                let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
+                LightSample::of_surface(direction.as_vec3a(), distance, light.radiance, pdf * probability)
+            }
+            None => {
+                let offset = light.point(u) - *p;
+                let distance_sq = offset.length_squared();
+                let distance = distance_sq.sqrt();
+                let wi = offset / distance;
+                let pdf = pdf_by_area(-light.normal.dot(wi), light.area, distance_sq) * probability;
+                LightSample::of_surface(wi, distance, light.radiance, pdf)
+            }
+        }
+    }
+}
+
 /// A triangle on the unit sphere.
+#[derive(Debug)]
 struct SphericalTriangle {
     /// Unit vectors.
     a: DVec3,

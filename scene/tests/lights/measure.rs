@@ -49,9 +49,16 @@ pub(crate) fn polygon_light(corners: &[Vec3]) -> Scene {
 pub(crate) fn irradiance(lights: &Lights, p: Vec3A, n: Vec3A, count: u32) -> (f64, f64) {
     let mut random = Random(1);
     let (mut sum, mut sum_sq) = (0.0, 0.0);
+    let mut seen = lights.seen_from(p, n);
     for _ in 0..count {
         let (u_choice, u) = (random.next(), random.pair());
-        let Some(s) = lights.sample(p, n, u_choice, u) else { continue };
+        let sample = lights.sample(p, n, u_choice, u);
+        assert_eq!(seen.sample(u_choice, u), sample, "the same light as before or another one");
+        let Some(s) = sample else { continue };
+        if let Some((axis, half_angle)) = lights.cone(p) {
+            let angle = axis.as_dvec3().angle_between(s.wi.as_dvec3());
+            assert!(angle < f64::from(half_angle) + 1e-3, "{} is out of the cone of all lights, {half_angle}", s.wi);
+        }
         let e = f64::from(s.radiance.x * n.dot(s.wi).max(0.0) / s.pdf);
         sum += e;
         sum_sq += e * e;

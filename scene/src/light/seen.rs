@@ -1,0 +1,81 @@
+//! The lights as one point sees them.
+
+use glam::{Vec2, Vec3A};
+
+use super::environment::EnvironmentLight;
+use super::form::FormLight;
+use super::rectangle::SeenRectangle;
+use super::triangle::SeenTriangle;
+use super::{Light, LightSample, Lights, punctual};
+use crate::PunctualLight;
+
+/// The lights as one point sees them: what directions to the same light have in common is found once.
+///
+/// # Example
+///
+/// ```
+/// use scene::glam::{Vec2, Vec3, Vec3A};
+/// use scene::{Description, PunctualLight, Scene};
+///
+/// let lamps = [Vec3::Z, Vec3::X + Vec3::Z].map(|position| PunctualLight::Point { position, intensity: Vec3::ONE });
+/// let scene = Scene::new(Description { lights: lamps.to_vec(), ..Description::default() })?;
+/// let mut seen = scene.lights().seen_from(Vec3A::ZERO, Vec3A::Z);
+/// for u_choice in [0.2, 0.8, 0.2] {
+///     let lamp = seen.sample(u_choice, Vec2::ZERO).expect("both lamps are above");
+///     assert_eq!(lamp.pdf, 0.5);
+/// }
+/// # Ok::<(), scene::BuildError>(())
+/// ```
+#[derive(Debug)]
+pub struct SeenLights<'a> {
+    lights: &'a Lights,
+    p: Vec3A,
+    n: Vec3A,
+    /// The light of the last direction and its index.
+    last: Option<(usize, SeenLight<'a>)>,
+}
+
+/// One of the lights as a point sees it.
+#[derive(Debug)]
+enum SeenLight<'a> {
+    Rectangle(SeenRectangle<'a>),
+    Triangle(SeenTriangle<'a>),
+    Form(&'a FormLight),
+    Punctual(&'a PunctualLight),
+    Environment(&'a EnvironmentLight),
+    /// From behind.
+    Dark,
+}
+
+impl<'a> SeenLights<'a> {
+    pub(super) fn new(lights: &'a Lights, p: Vec3A, n: Vec3A) -> Self {
+        Self { lights, p, n, last: None }
+    }
+
+    /// Chooses a light and a direction to it, as [`Lights::sample`] does.
+    #[inline]
+    #[must_use]
+    pub fn sample(&mut self, u_choice: f32, u: Vec2) -> Option<LightSample> {
+        let Self { lights, p, n, .. } = *self;
+        let (index, probability) = lights.choose(p, u_choice)?;
+        if self.last.as_ref().is_none_or(|last| last.0 != index) {
+            let light = match lights.light(index) {
+                Light::Rectangle(light) => light.seen_from(p).map_or(SeenLight::Dark, SeenLight::Rectangle),
+                Light::Triangle(light) => light.seen_from(p).map_or(SeenLight::Dark, SeenLight::Triangle),
+                Light::Form(light) => SeenLight::Form(light),
+                Light::Punctual(light) => SeenLight::Punctual(light),
+                Light::Environment(light) => SeenLight::Environment(light),
+            };
+            self.last = Some((index, light));
+        }
+        let sample = match &self.last.as_ref()?.1 {
+            SeenLight::Rectangle(light) => light.sample(u, probability)?,
+            SeenLight::Triangle(light) => light.sample(u, probability)?,
+            SeenLight::Form(light) => light.sample(p, n, u, probability)?,
+            SeenLight::Punctual(light) => punctual::sample(light, p, probability)?,
+            SeenLight::Environment(light) => light.sample(u, probability)?,
+            SeenLight::Dark => return None,
+        };
+        (n.dot(sample.wi) > 0.0).then_some(sample)
+    }
+}
