@@ -46,6 +46,9 @@ const EXTRAPOLATION: usize = 8;
 /// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
 const MAX_WALK: u32 = 64;
 
+/// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own cell; no link has more throughput.
+const MAX_THROUGHPUT: f32 = 2.0;
+
 /// Hits nearer than this many widths of a cell are not looked up.
 const RESOLUTION_FACTOR: f32 = 2.0;
 
@@ -265,6 +268,7 @@ struct LinkWalk<'a> {
 impl Visitor for LinkWalk<'_> {
     fn visit(&mut self, shading: &Shading, beta: Vec3, _: f32) -> Taken {
         let Some(cell) = self.cells.cell_of(&shading.surface) else { return Taken::Nothing };
+        let beta = beta.min(Vec3::splat(MAX_THROUGHPUT));
         self.row.links.push((cell, self.share * beta * shading.bsdf.diffuse));
         Taken::All
     }
@@ -279,12 +283,15 @@ impl Visitor for LinkWalk<'_> {
 }
 
 impl Cells {
-    /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio r tells what is still to come.
+    /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to come, unless light goes to
+    /// and fro between two sides: there, what is added at once takes the iteration away from its end, and so is given up as soon as it has not helped.
     fn solve(&mut self, rows: &[Row]) {
         self.direct = rows.iter().map(|row| row.direct).collect();
         self.caustic = rows.iter().map(|row| row.caustic).collect();
         let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
         let mut last_change = f64::INFINITY;
+        // At the last extrapolation; none is made where this is 0.
+        let mut extrapolated_change = f64::INFINITY;
         for step in 1..=MAX_ITERATIONS {
             let mut next: Vec<Vec3> = rows
                 .par_iter()
@@ -299,6 +306,9 @@ impl Cells {
             let rest = ratio / (1.0 - ratio);
             last_change = change;
             if step % EXTRAPOLATION == 0 {
+                extrapolated_change = if change < 0.5 * extrapolated_change { change } else { 0.0 };
+            }
+            if step % EXTRAPOLATION == 0 && extrapolated_change > 0.0 {
                 #[expect(clippy::cast_possible_truncation, reason = "below 10^4")]
                 let rest = rest as f32;
                 for (new, old) in next.iter_mut().zip(&indirect) {
@@ -415,5 +425,50 @@ impl Table {
             slot = (slot + 1) & mask;
         }
         slot
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn solved(rows: Vec<(f32, Vec<(u32, f32)>)>) -> Vec<f32> {
+        let rows: Vec<Row> = rows
+            .into_iter()
+            .map(|(direct, links)| Row {
+                direct: Vec3::splat(direct),
+                source: Vec3::ZERO,
+                caustic: Vec3::ZERO,
+                links: links.into_iter().map(|(cell, weight)| (cell, Vec3::splat(weight))).collect(),
+                rays: RayCounts::default(),
+            })
+            .collect();
+        let mut cells = Cells::default();
+        cells.solve(&rows);
+        cells.indirect.iter().zip(&cells.direct).map(|(indirect, direct)| (*indirect + *direct).x).collect()
+    }
+
+    #[test]
+    fn light_between_two_sides_is_solved() {
+        // Two walls that see each other alone, one of them lit: E0 = 1 + w E1, E1 = w E0. The eigenvalues are w and -w.
+        for w in [0.3, 0.8, 0.95_f32] {
+            let lit = 1.0 / (1.0 - w * w);
+            let found = solved(vec![(1.0, vec![(1, w)]), (0.0, vec![(0, w)])]);
+            assert!((found[0] / lit - 1.0).abs() < 1e-3 && (found[1] / (w * lit) - 1.0).abs() < 1e-3, "{w}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn light_in_a_white_room_is_solved() {
+        // Eight cells that see each other evenly: E = D + w mean(E).
+        for w in [0.5, 0.98_f32] {
+            let links: Vec<(u32, f32)> = (0..8).map(|cell| (cell, w / 8.0)).collect();
+            let rows = (0..8).map(|cell| (cell as f32, links.clone())).collect();
+            let mean = 3.5 / (1.0 - w);
+            for (cell, found) in solved(rows).into_iter().enumerate() {
+                let expected = cell as f32 + w * mean;
+                assert!((found / expected - 1.0).abs() < 1e-3, "{w}: {found} is not {expected}");
+            }
+        }
     }
 }

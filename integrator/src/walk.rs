@@ -8,8 +8,10 @@ use crate::sampler::Sampler;
 use crate::secondary::{Shading, direct_light, light_candidates, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
-/// From this bounce on, walks are ended by roulette.
+/// From this bounce on, walks are ended by roulette, and from the other on even if nothing is absorbed, as inside of glass: each time that such a walk is kept
+/// it counts more, so those that come out late are bright dots.
 const ROULETTE_START: u32 = 3;
+const LONG_WALK: u32 = 48;
 
 /// No walk is longer, whatever the materials say.
 const MAX_BOUNCES: u32 = 1000;
@@ -86,7 +88,8 @@ pub(crate) fn walk(
         let Some(sample) = bsdf.sample(lobe, shading.wo, u_lobe, Vec2::new(u, v)) else { break };
         beta *= sample.weight;
         if bounce >= ROULETTE_START {
-            let survival = beta.max_element().min(0.95);
+            let limit = if bounce < LONG_WALK { 1.0 } else { 0.95 };
+            let survival = beta.max_element().min(limit);
             if u_roulette >= survival {
                 break;
             }
