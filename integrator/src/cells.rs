@@ -21,7 +21,7 @@ use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::photons::PhotonSource;
 use crate::sampler::{Sampler, hash, hash_pair};
-use crate::secondary::{Known, Secondary, Shading, direct_light, unsampled_emission};
+use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
 use crate::walk::{Taken, Visitor, walk};
@@ -200,8 +200,8 @@ impl CellBuilder<'_> {
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
-            let u = sampler.next_4d();
-            row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, 1, u, self.sky, &mut row.rays) * pi;
+            let ways = LightWays { count: 1, choice: None, sky: self.sky };
+            row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, ways, sampler.next_4d(), &mut row.rays) * pi;
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
             }

@@ -32,8 +32,9 @@ pub(crate) fn render<S: Secondary>(
     witness: Option<&Witness>,
 ) -> Film {
     let mut film = Film::new(settings.size);
-    let mut primary = Primary { scene, plan, secondary, sky, guide: None, size: settings.size, seed: settings.seed };
-    statistics.time("direct", |statistics| primary.learn_guide(&mut statistics.rays));
+    let Settings { size, seed, .. } = *settings;
+    let mut primary = Primary { scene, plan, secondary, sky, guide: None, light_guide: None, size, seed };
+    statistics.time("direct", |statistics| primary.learn_guides(&mut statistics.rays));
     let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },

@@ -59,6 +59,8 @@ pub(crate) struct Plan {
     pub(crate) lobe_rays: u32,
     /// Primary rays along a side of the picture by which glossy lobes learn from where their light comes; 0 where they do not.
     pub(crate) learners: u32,
+    /// The same by which is learnt which lights reach what the picture shows; 0 where there is one at most.
+    pub(crate) light_learners: u32,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
 }
@@ -87,12 +89,19 @@ impl Plan {
         };
         let n = study.resolution.unwrap_or(n);
         let (n, look_n) = (n as usize, look_n.min(n) as usize);
-        let (first_spp, budget) = primary_samples(settings);
+        let light_samples = study.light_samples.unwrap_or(match (features.environment, scene.lights().count()) {
+            // Which of many is taken is most of the noise, and another one costs less than another primary ray.
+            (_, MANY_LIGHTS..) => 8,
+            (true, _) | (_, 2..) => 4,
+            (false, _) => 2,
+        });
+        let (first_spp, budget) = primary_samples(settings, light_samples);
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
         // Links that end in a window, or at a lamp by way of gloss, are few and bright.
         let links = if features.glossy || features.environment { 500_000.0 } else { 250_000.0 };
+        let learners = round(128.0 * quality.sqrt().sqrt(), 48.0, 256.0).min(settings.size.max_element());
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
         let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
@@ -100,7 +109,7 @@ impl Plan {
             secondary,
             first_spp,
             budget,
-            light_samples: study.light_samples.unwrap_or(if features.environment { 4 } else { 2 }),
+            light_samples,
             n,
             look_n,
             side: (settings.size.element_product() as f32).sqrt(),
@@ -140,11 +149,8 @@ impl Plan {
             probe_rays: round(24.0 * quality.sqrt(), 8.0, 96.0),
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
-            learners: if features.glossy && study.lobe_guide != Some(false) {
-                round(128.0 * quality.sqrt().sqrt(), 48.0, 256.0).min(settings.size.max_element())
-            } else {
-                0
-            },
+            learners: if features.glossy && study.lobe_guide != Some(false) { learners } else { 0 },
+            light_learners: if scene.lights().count() > 1 && study.light_guide != Some(false) { learners } else { 0 },
             lobe_samples: 128,
         }
     }
@@ -178,6 +184,8 @@ impl Plan {
     }
 }
 
+/// From so many lights on, more of them are sampled.
+const MANY_LIGHTS: usize = 8;
 /// Texels along a side of a gather that serves its own point alone, at quality 1.
 const GATHER_RESOLUTION: f32 = 16.0;
 /// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less serves fewer points
@@ -190,7 +198,7 @@ const MAX_SHARE: f32 = 0.25;
 const TOUCHING_SHARE: f32 = 1e-5;
 
 /// The samples that every pixel takes, and what decides how many more there are.
-fn primary_samples(settings: &Settings) -> (u32, Budget) {
+fn primary_samples(settings: &Settings, light_samples: u32) -> (u32, Budget) {
     let Settings { spp, quality, .. } = *settings;
     if settings.study.even_samples == Some(true) {
         let spp = spp.unwrap_or_else(|| round(16.0 * quality, 2.0, 65_536.0));
@@ -202,14 +210,15 @@ fn primary_samples(settings: &Settings) -> (u32, Budget) {
         None => {
             // The noise of samples falls faster than their number rises, that of records more slowly: so this balances both.
             let noise = NOISE * quality.powf(-0.75);
-            (power_of_two(8.0 * quality).max(2), Budget::Noise(noise, round(MOST_SPP * quality, 8.0, 65_536.0)))
+            let most = if light_samples > 4 { 0.5 * MOST_SPP } else { MOST_SPP };
+            (power_of_two(8.0 * quality).max(2), Budget::Noise(noise, round(most * quality, 8.0, 65_536.0)))
         }
     }
 }
 
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
 const NOISE: f32 = 6e-4;
-/// Most samples a pixel at quality 1, in the mean, where that cannot be had.
+/// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes many light samples.
 const MOST_SPP: f32 = 48.0;
 
 /// The power of two that is nearest, by ratio.

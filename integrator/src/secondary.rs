@@ -3,11 +3,12 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use scene::{Bsdf, LightSample, Lobes, Ray, Scene, Specular, Surface};
+use scene::{Bsdf, LightSample, Lights, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
+use crate::terms::light_guide::LightChoice;
 use crate::walk::{Taken, Visitor, walk};
 
 /// What is known of the light at a surface, apart from what path tracing would find.
@@ -148,13 +149,27 @@ pub(crate) fn light_candidates(scene: &Scene, shading: &Shading) -> u32 {
     count.max(1)
 }
 
+/// How [`direct_light`] looks for lights.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LightWays<'a> {
+    /// Directions to weigh.
+    pub(crate) count: u32,
+    /// What is known of the lights around there, for surfaces without gloss.
+    pub(crate) choice: Option<&'a LightChoice>,
+    /// With it, only the hard part of the surroundings counts for the diffuse part.
+    pub(crate) sky: Option<&'a SkySplit>,
+}
+
+/// The lights to sample for a surface. Where the glossy part is wanted too, their density must be that of the other technique's weight.
+pub(crate) fn lights_of<'a>(scene: &'a Scene, shading: &Shading, sky: Option<&'a SkySplit>) -> &'a Lights {
+    sky.filter(|_| !shading.bsdf.has_glossy()).map_or(scene.lights(), SkySplit::lights)
+}
+
 /// Light that arrives straight from the sources and is reflected to the viewer: by the diffuse part, and by the glossy part under
 /// the power heuristic with sampling of that lobe.
 ///
-/// Of `count` directions to lights one is traced, chosen by what it would bring. All of them count against the samples of the lobe, whose weight must be
-/// taken against `count` times the density of the lights. The four numbers `u` choose the light, the direction, and which of them is traced.
-///
-/// With `sky`, only the hard part of the surroundings counts for the diffuse part.
+/// Of several directions to lights one is traced, chosen by what it would bring. All of them count against the samples of the lobe, whose weight must be
+/// taken against their number times the density of the lights. The four numbers `u` choose the light, the direction, and which of them is traced.
 ///
 /// # Source
 /// Talbot, Cline, Egbert 2005: Importance Resampling for Global Illumination.
@@ -162,17 +177,15 @@ pub(crate) fn direct_light(
     scene: &Scene,
     shading: &Shading,
     lobes: Lobes,
-    count: u32,
+    ways: LightWays<'_>,
     u: [f32; 4],
-    sky: Option<&SkySplit>,
     rays: &mut RayCounts,
 ) -> Vec3 {
     /// A sequence of low discrepancy (Roberts 2018).
     const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
     let Shading { surface, frame, bsdf, wo } = shading;
-    // Where the glossy part is wanted too, its density must be that of the other technique's weight.
-    let lights = sky.filter(|_| !bsdf.has_glossy()).map_or(scene.lights(), SkySplit::lights);
-    let mut lights = lights.seen_from(surface.p, surface.n);
+    let LightWays { count, choice, sky } = ways;
+    let mut lights = lights_of(scene, shading, sky).seen_from(surface.p, surface.n);
     let mut total = 0.0;
     let mut u_pick = u[3];
     let mut picked: Option<(LightSample, Vec3, f32)> = None;
@@ -180,7 +193,11 @@ pub(crate) fn direct_light(
         let number = number as f32;
         let u_choice = (u[0] + number / count as f32).fract();
         let u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
-        let Some(mut light) = lights.sample(u_choice, u_direction) else { continue };
+        let light = match choice {
+            Some(choice) => choice.sample(&mut lights, u_choice, u_direction),
+            None => lights.sample(u_choice, u_direction),
+        };
+        let Some(mut light) = light else { continue };
         let wi = frame.to_local(light.wi);
         if wi.z <= 0.0 || !shading.leaves(light.wi, wi) {
             continue;
@@ -222,7 +239,14 @@ pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays
 }
 
 /// Light of a sample that the lobes reflect where nothing stands between.
-fn unshadowed(bsdf: &Bsdf, lobes: Lobes, wo: Vec3A, wi: Vec3A, light: &LightSample, sky: Option<&SkySplit>) -> Vec3 {
+pub(crate) fn unshadowed(
+    bsdf: &Bsdf,
+    lobes: Lobes,
+    wo: Vec3A,
+    wi: Vec3A,
+    light: &LightSample,
+    sky: Option<&SkySplit>,
+) -> Vec3 {
     let factor = wi.z / light.pdf;
     let is_sky = light.distance.is_infinite() && !light.delta;
     let mut value = Vec3::ZERO;
@@ -281,7 +305,15 @@ mod tests {
         for _ in 0..SAMPLES {
             let u = [0; 4].map(|_| rng.next_1d());
             let mut rays = RayCounts::default();
-            let mut light = direct_light(scene, shading, Lobes::SPECULAR, count, u, None, &mut rays).x;
+            let mut light = direct_light(
+                scene,
+                shading,
+                Lobes::SPECULAR,
+                LightWays { count, choice: None, sky: None },
+                u,
+                &mut rays,
+            )
+            .x;
             assert!(rays.shadow <= 1, "one ray at most");
             if let Some(sample) = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, 0.5, rng.next_2d()) {
                 let wi = shading.frame.to_world(sample.wi);

@@ -29,6 +29,8 @@ pub struct Study {
     pub verify: Option<u32>,
     /// Light samples a primary sample, 1 to 1024.
     pub light_samples: Option<u32>,
+    /// Whether half of the light samples of surfaces without gloss go to lights that were found to reach them beforehand.
+    pub light_guide: Option<bool>,
     /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
     pub lobe_rays: Option<u32>,
     /// Whether half of the rays of wide lobes go where light was found beforehand.
@@ -72,7 +74,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, margins, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -110,6 +112,7 @@ impl Study {
             "step" => self.step = Some(number(name, value, 1, 64)?),
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
             "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
+            "light-guide" => self.light_guide = Some(switch(name, value)?),
             "lobe-rays" => self.lobe_rays = Some(number(name, value, 1, 1024)?),
             "lobe-guide" => self.lobe_guide = Some(switch(name, value)?),
             "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
@@ -192,6 +195,7 @@ mod tests {
             ("step", "3"),
             ("verify", "0"),
             ("light-samples", "4"),
+            ("light-guide", "off"),
             ("lobe-rays", "4"),
             ("lobe-guide", "off"),
             ("texture-alpha", "0.5"),

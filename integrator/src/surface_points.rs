@@ -13,6 +13,7 @@ use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
 use crate::terms::guide::LobeGuide;
+use crate::terms::light_guide::LightGuide;
 
 /// A distinct surface in a pixel: that of its samples which is nearest to the middle of the pixel stands for all.
 #[derive(Debug, Clone, Copy)]
@@ -111,13 +112,18 @@ pub(crate) struct Primary<'a, S> {
     pub(crate) secondary: &'a S,
     pub(crate) sky: Option<&'a SkySplit>,
     pub(crate) guide: Option<LobeGuide>,
+    pub(crate) light_guide: Option<LightGuide>,
     pub(crate) size: UVec2,
     pub(crate) seed: u64,
 }
 
 impl<S: Secondary> Primary<'_, S> {
-    /// Learns from where glossy lobes take their light, if there are any.
-    pub(crate) fn learn_guide(&mut self, rays: &mut RayCounts) {
+    /// Learns which of several lights reach what the picture shows, and from where glossy lobes take their light, if there are any.
+    pub(crate) fn learn_guides(&mut self, rays: &mut RayCounts) {
+        let Self { scene, plan, sky, size, seed, .. } = *self;
+        if plan.light_learners > 0 {
+            self.light_guide = LightGuide::learn(scene, sky, plan.light_learners, size, seed, rays);
+        }
         if self.plan.learners > 0 {
             self.guide = LobeGuide::learn(&self.direct_term(), self.size, self.seed, rays);
         }
@@ -125,7 +131,7 @@ impl<S: Secondary> Primary<'_, S> {
 
     fn direct_term(&self) -> DirectTerm<'_, S> {
         let Self { scene, plan, secondary, sky, .. } = *self;
-        DirectTerm { scene, plan, secondary, sky, guide: self.guide.as_ref() }
+        DirectTerm { scene, plan, secondary, sky, guide: self.guide.as_ref(), light_guide: self.light_guide.as_ref() }
     }
 
     /// Traces samples of the pixel at `position`, which is number `pixel` of its band, until it has as many as `samples`: adds its light that needs

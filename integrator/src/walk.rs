@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use scene::{Lobes, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
-use crate::secondary::{Shading, direct_light, light_candidates, mis_weight, unsampled_emission};
+use crate::secondary::{LightWays, Shading, direct_light, light_candidates, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
 /// From this bounce on, walks are ended by roulette, and from the other on even if nothing is absorbed, as inside of glass: each time that such a walk is kept
@@ -62,7 +62,8 @@ pub(crate) fn walk(
         let taken = if bsdf.has_diffuse() { visitor.visit(&shading, beta, near) } else { Taken::All };
         if taken != Taken::All || bsdf.has_glossy() {
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
-            visitor.add(beta * direct_light(scene, &shading, lobes, candidates, sampler.next_4d(), None, rays));
+            let ways = LightWays { count: candidates, choice: None, sky: None };
+            visitor.add(beta * direct_light(scene, &shading, lobes, ways, sampler.next_4d(), rays));
         }
         if taken != Taken::All && scene.features().emissive_unsampled {
             visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_2d(), rays));

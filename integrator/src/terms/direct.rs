@@ -6,10 +6,11 @@ use scene::{Lobes, Ray, Scene, Specular, Surface};
 
 use crate::plan::Plan;
 use crate::sampler::Sampler;
-use crate::secondary::{Follower, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
+use crate::secondary::{Follower, LightWays, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::guide::LobeGuide;
+use crate::terms::light_guide::{LightGuide, takes_guide};
 
 /// Shades primary samples.
 #[derive(Debug)]
@@ -20,6 +21,8 @@ pub(crate) struct DirectTerm<'a, S> {
     pub(crate) sky: Option<&'a SkySplit>,
     /// From where glossy lobes are known to take their light.
     pub(crate) guide: Option<&'a LobeGuide>,
+    /// Which lights are known to reach what the picture shows.
+    pub(crate) light_guide: Option<&'a LightGuide>,
 }
 
 /// A direction in which a glossy lobe looks.
@@ -62,12 +65,14 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let mut light = Light::default();
         let count = self.plan.light_samples;
         let has_many_lights = self.scene.lights().count() > 1;
+        let choice = self.light_guide.filter(|_| takes_guide(shading)).and_then(|guide| guide.at(position, shading));
+        let ways = LightWays { count: 1, choice, sky: self.sky };
         for mut sampler in sampler.split_into(count) {
             // The best stratified pair is for the point of the light.
             let point = sampler.next_pair();
             let choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
             let u = [choice, point.x, point.y, 0.0];
-            light.direct += direct_light(self.scene, shading, Lobes::ALL, 1, u, self.sky, rays) / count as f32;
+            light.direct += direct_light(self.scene, shading, Lobes::ALL, ways, u, rays) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);

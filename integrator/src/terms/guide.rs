@@ -20,17 +20,13 @@ use glam::{USizeVec2, UVec2, Vec2, Vec3A};
 use rayon::prelude::*;
 
 use super::direct::{DirectTerm, is_guided};
-use crate::cells::side_of;
+use super::tiles::{self, NEAR, around, inside, tile};
 use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
 
-/// Tiles along a side of the picture.
-const TILES: u32 = 16;
 /// Cells along a side of the square of directions.
 const BINS: usize = 8;
-/// Axes of the normal, each way.
-const SIDES: usize = 6;
 /// Lobe samples of a primary ray that learns.
 const LOBE_SAMPLES: u32 = 16;
 /// Keeps these random numbers apart from those of the picture.
@@ -71,7 +67,7 @@ impl LobeGuide {
             lessons.extend(found);
             *rays += counted;
         }
-        let mut cells = vec![[0.0f32; BINS * BINS]; (TILES * TILES) as usize * SIDES];
+        let mut cells = vec![[0.0f32; BINS * BINS]; tiles::COUNT];
         for lesson in &lessons {
             cells[lesson.tile][lesson.bin] += lesson.moment;
         }
@@ -119,12 +115,6 @@ fn learner<S: Secondary>(
     lessons
 }
 
-/// The tile and side at a place on the film, pixels.
-fn tile(film: Vec2, size: UVec2, n: Vec3A) -> usize {
-    let place = (film * TILES as f32 / size.as_vec2()).as_uvec2().min(UVec2::splat(TILES - 1));
-    (place.y * TILES + place.x) as usize * SIDES + side_of(n)
-}
-
 /// The cell of a local direction.
 fn bin(wi: Vec3A) -> usize {
     let place = (hemimap::cosine_hemisphere_to_square(wi) * BINS as f32).as_usizevec2();
@@ -134,18 +124,9 @@ fn bin(wi: Vec3A) -> usize {
 
 /// What the tiles around one have learnt on the same side, farther ones and neighbouring cells counting less: for lessons are few.
 fn blurred(cells: &[[f32; BINS * BINS]], tile: usize) -> [f32; BINS * BINS] {
-    const NEAR: [(i32, f32); 3] = [(-1, 0.5), (0, 1.0), (1, 0.5)];
-    let (place, side) = (tile / SIDES, tile % SIDES);
-    let inside = |at: usize, offset: i32, count: usize| at.checked_add_signed(offset as isize).filter(|&at| at < count);
     let mut sum = [0.0; BINS * BINS];
-    for (dy, wy) in NEAR {
-        for (dx, wx) in NEAR {
-            let x = inside(place % TILES as usize, dx, TILES as usize);
-            let y = inside(place / TILES as usize, dy, TILES as usize);
-            let (Some(x), Some(y)) = (x, y) else { continue };
-            let from = &cells[(y * TILES as usize + x) * SIDES + side];
-            (0..BINS * BINS).for_each(|bin| sum[bin] += wx * wy * from[bin]);
-        }
+    for (near, weight) in around(tile) {
+        (0..BINS * BINS).for_each(|bin| sum[bin] += weight * cells[near][bin]);
     }
     let mut blurred = [0.0; BINS * BINS];
     for (bin, value) in blurred.iter_mut().enumerate() {
@@ -224,6 +205,7 @@ fn choose(sums: &[f32; BINS], u: f32) -> (usize, f32) {
 mod tests {
     use super::*;
     use crate::Rng;
+    use tiles::SIDES;
 
     fn guide(seed: u64) -> Guide {
         let mut rng = Rng::new(seed, 0);
@@ -278,7 +260,7 @@ mod tests {
     fn nothing_seen_is_no_guide() {
         assert!(Guide::new(&[0.0; BINS * BINS]).is_none(), "no light");
         assert!(Guide::new(&[f32::INFINITY; BINS * BINS]).is_none(), "no number");
-        let mut cells = vec![[0.0; BINS * BINS]; (TILES * TILES) as usize * SIDES];
+        let mut cells = vec![[0.0; BINS * BINS]; tiles::COUNT];
         cells[7][9] = 4.0;
         let near = blurred(&cells, 7 + SIDES);
         assert_eq!(

@@ -7,3 +7,5 @@ pub(crate) mod direct;
 pub(crate) mod glossy;
 pub(crate) mod guide;
 pub(crate) mod indirect;
+pub(crate) mod light_guide;
+mod tiles;

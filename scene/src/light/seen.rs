@@ -56,17 +56,42 @@ impl<'a> SeenLights<'a> {
     #[inline]
     #[must_use]
     pub fn sample(&mut self, u_choice: f32, u: Vec2) -> Option<LightSample> {
+        let (light, probability) = self.choose(u_choice)?;
+        self.sample_one(light, probability, u)
+    }
+
+    /// Returns the light, below [`Lights::count`], that `u_choice` in [0, 1) chooses, and its probability; `None` where none shines to the point.
+    #[inline]
+    #[must_use]
+    pub fn choose(&self, u_choice: f32) -> Option<(usize, f32)> {
+        self.lights.choose(self.p, u_choice)
+    }
+
+    /// Returns the probability with which [`SeenLights::choose`] takes a light.
+    #[inline]
+    #[must_use]
+    pub fn probability(&self, light: usize) -> f32 {
+        self.lights.probability(self.p, light)
+    }
+
+    /// Chooses a direction to one light, which was chosen with a `probability` that the density is to contain: for whoever knows more of the lights than
+    /// [`SeenLights::choose`]. `None` where it cannot light the surface.
+    ///
+    /// # Panics
+    /// If there is no such light.
+    #[inline]
+    #[must_use]
+    pub fn sample_one(&mut self, light: usize, probability: f32, u: Vec2) -> Option<LightSample> {
         let Self { lights, p, n, .. } = *self;
-        let (index, probability) = lights.choose(p, u_choice)?;
-        if self.last.as_ref().is_none_or(|last| last.0 != index) {
-            let light = match lights.light(index) {
+        if self.last.as_ref().is_none_or(|last| last.0 != light) {
+            let seen = match lights.light(light) {
                 Light::Rectangle(light) => light.seen_from(p).map_or(SeenLight::Dark, SeenLight::Rectangle),
                 Light::Triangle(light) => light.seen_from(p).map_or(SeenLight::Dark, SeenLight::Triangle),
                 Light::Form(light) => SeenLight::Form(light),
                 Light::Punctual(light) => SeenLight::Punctual(light),
                 Light::Environment(light) => SeenLight::Environment(light),
             };
-            self.last = Some((index, light));
+            self.last = Some((light, seen));
         }
         let sample = match &self.last.as_ref()?.1 {
             SeenLight::Rectangle(light) => light.sample(u, probability)?,
