@@ -46,8 +46,10 @@ const EXTRAPOLATION: usize = 8;
 /// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
 const MAX_WALK: u32 = 64;
 
-/// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own cell; no link has more throughput.
-const MAX_THROUGHPUT: f32 = 2.0;
+/// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own cell; no link has more throughput. Radiance that
+/// leaves a medium rises by the square of its refractive index, 5.9 in diamond, so nothing else comes to this bound; and of the eight rays of a cell or more one
+/// cannot bring more light than the cell sent.
+const MAX_THROUGHPUT: f32 = 6.0;
 
 /// Hits nearer than this many widths of a cell are not looked up.
 const RESOLUTION_FACTOR: f32 = 2.0;

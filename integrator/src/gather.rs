@@ -37,7 +37,8 @@ impl<S: Secondary> Gatherer<'_, S> {
             samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
             samples.view_dependent[texel] = found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
         }
-        let shines = highlights(&mut samples);
+        let is_glossy = samples.view_dependent.clone();
+        settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
             for (is_marked, wi) in samples.view_dependent.iter_mut().zip(directions) {
@@ -45,25 +46,25 @@ impl<S: Secondary> Gatherer<'_, S> {
             }
         }
         rays.gather += (n * n) as u64;
-        if self.sky.is_some() || !shines.is_empty() {
-            self.refine(surface, frame, &mut samples, &shines, key, rays);
+        if self.sky.is_some() || is_glossy.contains(&true) {
+            self.refine(surface, frame, &mut samples, &is_glossy, key, rays);
         }
         samples
     }
 
-    /// Looks again, with several rays, through the texels where the sky ends and where something `shines`: a window is so bright beside its frame, and a
+    /// Looks again, with several rays, through the texels where the sky ends and where what `is_glossy` shines: a window is so bright beside its frame, and a
     /// highlight beside what else is reflected, that one ray a texel would measure its area too roughly.
     fn refine(
         &self,
         surface: &Surface,
         frame: &Frame,
         samples: &mut Samples,
-        shines: &[usize],
+        is_glossy: &[bool],
         key: u64,
         rays: &mut RayCounts,
     ) {
         let n = samples.resolution();
-        let counts = further_rays(samples, shines);
+        let counts = further_rays(samples, is_glossy, self.sky.is_some());
         for (texel, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
             let mut parts = [Vec3::ZERO; 2];
@@ -71,7 +72,7 @@ impl<S: Secondary> Gatherer<'_, S> {
             parts[usize::from(samples.distance[texel].is_infinite())] += first;
             for number in 0..count {
                 let stream = hash_pair(key, texel as u64);
-                let mut sampler = Sampler::new(self.seed ^ RIM_STREAM, stream, number);
+                let mut sampler = Sampler::new(self.seed ^ FURTHER_STREAM, stream, number);
                 let u = (place + sampler.next_2d()) / n as f32;
                 let wi = frame.to_world(hemimap::square_to_cosine_hemisphere(u));
                 let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
@@ -81,7 +82,9 @@ impl<S: Secondary> Gatherer<'_, S> {
             let sum = parts[0] + parts[1];
             samples.radiance[texel] = sum / (count + 1) as f32;
             let total = sum.element_sum();
-            samples.background_share[texel] = if total > 0.0 { parts[1].element_sum() / total } else { 0.0 };
+            if total > 0.0 {
+                samples.background_share[texel] = parts[1].element_sum() / total;
+            }
         }
     }
 
@@ -116,23 +119,23 @@ fn has_highlight(bsdf: &Bsdf) -> bool {
     matches!(bsdf.specular, Specular::Ggx { alpha, .. } if alpha < WIDE)
 }
 
-/// Returns the highlights, texels that are marked as view-dependent and bright. Where there are none, reflections change slowly, and no texel keeps
-/// its mark; else all of them keep it, the dark ones too, for a highlight moves from one to the other.
-fn highlights(samples: &mut Samples) -> Vec<usize> {
-    /// A highlight is so many times brighter than the mean.
-    const BRIGHT: f32 = 3.0;
+/// A highlight is so many times brighter than the mean.
+const BRIGHT: f32 = 3.0;
+
+/// Keeps the marks of view-dependent texels only where one of them shines: without a highlight, reflections change slowly.
+///
+/// All of them keep it then, the dark ones too, for a highlight moves from one to the other.
+fn settle_highlights(samples: &mut Samples) {
     let limit = BRIGHT * samples.mean_radiance().max_element();
-    let is_highlight = |&texel: &usize| samples.view_dependent[texel] && samples.radiance[texel].max_element() > limit;
-    let highlights: Vec<usize> = (0..samples.radiance.len()).filter(is_highlight).collect();
-    if highlights.is_empty() {
+    let mut marked = samples.radiance.iter().zip(&samples.view_dependent).filter(|(_, marked)| **marked);
+    if !marked.any(|(radiance, _)| radiance.max_element() > limit) {
         samples.view_dependent.fill(false);
     }
-    highlights
 }
 
-/// Returns how many rays more each texel takes: where the sky ends, and around what shines. By its neighbours alone: if its own ray had a say, the
-/// mean would be biased.
-fn further_rays(samples: &Samples, shines: &[usize]) -> Vec<u32> {
+/// Returns how many rays more each texel takes: where the sky ends, if there is one, and beside glossy texels that shine. By the other texels alone: if its own ray had
+/// a say, the mean would be biased.
+fn further_rays(samples: &Samples, is_glossy: &[bool], has_sky: bool) -> Vec<u32> {
     let n = samples.resolution();
     let around = |texel: usize| {
         let (i, j) = (texel % n, texel / n);
@@ -140,19 +143,28 @@ fn further_rays(samples: &Samples, shines: &[usize]) -> Vec<u32> {
         let square = rows.flat_map(move |y| (i.saturating_sub(1)..(i + 2).min(n)).map(move |x| y * n + x));
         square.filter(move |&other| other != texel)
     };
-    let mut counts = vec![0; n * n];
-    for neighbour in shines.iter().flat_map(|&texel| around(texel)) {
-        counts[neighbour] = HIGHLIGHT_RAYS;
-    }
+    let sum: Vec3 = samples.radiance.iter().sum();
+    let shines_beside = |texel: usize| {
+        let mean = (sum - samples.radiance[texel]).max_element() / (n * n - 1) as f32;
+        around(texel).any(|other| is_glossy[other] && samples.radiance[other].max_element() > BRIGHT * mean)
+    };
     let is_sky = |texel: usize| samples.distance[texel].is_infinite();
-    for (texel, count) in counts.iter_mut().enumerate() {
+    let is_rim = |texel: usize| {
         let mut others = around(texel).map(is_sky);
         let first = others.next();
-        if others.any(|sky| Some(sky) != first) {
-            *count = RIM_RAYS;
+        others.any(|sky| Some(sky) != first)
+    };
+    let has_gloss = is_glossy.contains(&true);
+    let count = |texel: usize| {
+        if has_sky && is_rim(texel) {
+            RIM_RAYS
+        } else if has_gloss && shines_beside(texel) {
+            HIGHLIGHT_RAYS
+        } else {
+            0
         }
-    }
-    counts
+    };
+    (0..n * n).map(count).collect()
 }
 
 /// The [`Tracer`] of a point: hole rays with light, verification rays without.
@@ -168,7 +180,7 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
     fn trace(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
         for (number, (wi, out)) in wi.iter().zip(out).enumerate() {
             let number = u32::try_from(number).expect("at most 64 x 64 rays");
-            let mut sampler = Sampler::alone(self.gatherer.seed ^ HOLE_STREAM, hash_pair(self.key, u64::from(number)));
+            let mut sampler = Sampler::new(self.gatherer.seed ^ HOLE_STREAM, self.key, number);
             (*out, _) = self.gatherer.incident(&self.surface, *wi, &mut sampler, &mut self.rays);
         }
         self.rays.hole += wi.len() as u64;
@@ -189,6 +201,51 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
 const RIM_RAYS: u32 = 8;
 const HIGHLIGHT_RAYS: u32 = 2;
 /// Keeps the random numbers of further rays apart from those of records.
-const RIM_STREAM: u64 = 0x0072_696d;
+const FURTHER_STREAM: u64 = 0x0072_696d;
 /// Keeps the random numbers of hole rays apart from those of records.
 const HOLE_STREAM: u64 = 0x686f_6c65;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const N: usize = 6;
+
+    fn even() -> Samples {
+        let mut samples = Samples::new(N);
+        for texel in 0..N * N {
+            samples.set(texel, Vec3::ONE, 1.0, Vec3A::NEG_Z);
+        }
+        samples
+    }
+
+    #[test]
+    fn texels_beside_a_highlight_take_more_rays_and_it_has_no_say_in_its_own() {
+        let mut samples = even();
+        let shining = 2 * N + 3;
+        samples.radiance[shining] = Vec3::splat(50.0);
+        let mut is_glossy = vec![false; N * N];
+        assert!(further_rays(&samples, &is_glossy, false).iter().all(|&count| count == 0), "bright, but not glossy");
+        is_glossy[shining] = true;
+        let counts = further_rays(&samples, &is_glossy, false);
+        assert_eq!(counts[shining], 0, "its neighbours do not shine");
+        for beside in [shining - 1, shining + 1, shining - N, shining + N + 1] {
+            assert_eq!(counts[beside], HIGHLIGHT_RAYS, "texel {beside}");
+        }
+        assert_eq!(counts.iter().filter(|count| **count > 0).count(), 8);
+        // However bright a texel is, it does not outshine the one beside it in the limit of its own count.
+        samples.radiance[shining + 1] = Vec3::splat(1e6);
+        is_glossy[shining + 1] = true;
+        assert_eq!(further_rays(&samples, &is_glossy, false)[shining + 1], HIGHLIGHT_RAYS);
+    }
+
+    #[test]
+    fn rims_are_those_of_a_sky() {
+        let mut samples = even();
+        samples.distance[0] = f32::INFINITY;
+        let no_gloss = [false; N * N];
+        assert!(further_rays(&samples, &no_gloss, false).iter().all(|&count| count == 0), "black void has no rim");
+        let counts = further_rays(&samples, &no_gloss, true);
+        assert_eq!([counts[0], counts[1], counts[N + 1], counts[2]], [0, RIM_RAYS, RIM_RAYS, 0]);
+    }
+}

@@ -89,13 +89,15 @@ impl Plan {
         };
         let n = study.resolution.unwrap_or(n);
         let (n, look_n) = (n as usize, look_n.min(n) as usize);
-        let light_samples = study.light_samples.unwrap_or(match (features.environment, scene.lights().count()) {
-            // Which of many is taken is most of the noise, and another one costs less than another primary ray.
+        let light_count = scene.lights().count();
+        let light_samples = study.light_samples.unwrap_or(match (features.environment, light_count) {
+            // Which of many is taken is most of the noise, and another one costs less than another primary ray. A lamp of many triangles counts as many,
+            // surroundings as one.
             (_, MANY_LIGHTS..) => 8,
             (true, _) | (_, 2..) => 4,
             (false, _) => 2,
         });
-        let (first_spp, budget) = primary_samples(settings, light_samples);
+        let (first_spp, budget) = primary_samples(settings, light_count >= MANY_LIGHTS);
         let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
@@ -150,7 +152,7 @@ impl Plan {
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
             learners: if features.glossy && study.lobe_guide != Some(false) { learners } else { 0 },
-            light_learners: if scene.lights().count() > 1 && study.light_guide != Some(false) { learners } else { 0 },
+            light_learners: if light_count > 1 && study.light_guide != Some(false) { learners } else { 0 },
             lobe_samples: 128,
         }
     }
@@ -198,7 +200,7 @@ const MAX_SHARE: f32 = 0.25;
 const TOUCHING_SHARE: f32 = 1e-5;
 
 /// The samples that every pixel takes, and what decides how many more there are.
-fn primary_samples(settings: &Settings, light_samples: u32) -> (u32, Budget) {
+fn primary_samples(settings: &Settings, has_many_lights: bool) -> (u32, Budget) {
     let Settings { spp, quality, .. } = *settings;
     if settings.study.even_samples == Some(true) {
         let spp = spp.unwrap_or_else(|| round(16.0 * quality, 2.0, 65_536.0));
@@ -210,7 +212,7 @@ fn primary_samples(settings: &Settings, light_samples: u32) -> (u32, Budget) {
         None => {
             // The noise of samples falls faster than their number rises, that of records more slowly: so this balances both.
             let noise = NOISE * quality.powf(-0.75);
-            let most = if light_samples > 4 { 0.5 * MOST_SPP } else { MOST_SPP };
+            let most = if has_many_lights { 0.5 * MOST_SPP } else { MOST_SPP };
             (power_of_two(8.0 * quality).max(2), Budget::Noise(noise, round(most * quality, 8.0, 65_536.0)))
         }
     }
@@ -218,7 +220,7 @@ fn primary_samples(settings: &Settings, light_samples: u32) -> (u32, Budget) {
 
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
 const NOISE: f32 = 6e-4;
-/// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes many light samples.
+/// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
 const MOST_SPP: f32 = 48.0;
 
 /// The power of two that is nearest, by ratio.

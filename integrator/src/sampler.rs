@@ -290,7 +290,7 @@ mod tests {
     #[test]
     fn numbers_of_one_alone_are_uniform_and_unrelated() {
         const COUNT: u64 = 4096;
-        let mut sums = [0.0; 4];
+        let (mut means, mut sums) = ([0.0; 4], [[0.0; 2]; 4]);
         for pixel in 0..COUNT {
             let mut sampler = Sampler::alone(3, pixel);
             let first = sampler.next_4d();
@@ -298,11 +298,16 @@ mod tests {
             let second = sampler.next_4d();
             assert!(first.iter().chain(&second).all(|u| (0.0..1.0).contains(u)), "{first:?} {second:?}");
             for axis in 0..4 {
-                sums[axis] += f64::from(12.0 * (first[axis] - 0.5) * (second[(axis + 1) % 4] - 0.5)) / COUNT as f64;
+                let share = |x: f32| f64::from(x) / COUNT as f64;
+                means[axis] += share(12.0_f32.sqrt() * (first[axis] - 0.5));
+                for (sum, others) in sums[axis].iter_mut().zip([first, second]) {
+                    *sum += share(12.0 * (first[axis] - 0.5) * (others[(axis + 1) % 4] - 0.5));
+                }
             }
         }
-        // As below.
-        assert!(sums.iter().all(|sum| sum.abs() < 4.5 / 64.0), "correlations {sums:?}");
+        // As below: within a block, and between two.
+        assert!(means.iter().all(|mean| mean.abs() < 4.5 / 64.0), "means {means:?}");
+        assert!(sums.iter().flatten().all(|sum| sum.abs() < 4.5 / 64.0), "correlations {sums:?}");
     }
 
     #[test]

@@ -70,8 +70,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         for mut sampler in sampler.split_into(count) {
             // The best stratified pair is for the point of the light.
             let point = sampler.next_pair();
-            let choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
-            let u = [choice, point.x, point.y, 0.0];
+            let u_choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
+            let u = [u_choice, point.x, point.y, 0.0];
             light.direct += direct_light(self.scene, shading, Lobes::ALL, ways, u, rays) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {

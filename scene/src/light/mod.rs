@@ -137,7 +137,7 @@ impl Lights {
             extent: None,
         };
         let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
-        if near_count == lights.count() {
+        if near_count > 0 && near_count == lights.count() {
             let bounds = emitters.iter().fold(Aabb::EMPTY, |bounds, emitter| bounds.union(emitter.bounds));
             lights.extent = Some(Sphere { centre: bounds.centre().into(), radius: bounds.radius() });
         }
@@ -202,7 +202,7 @@ impl Lights {
     }
 
     /// Returns the cone in which all lights lie as seen from `p`: its axis, a unit vector, and its half angle in radians; `None` where there is no such cone, as
-    /// among the lights or under a sky.
+    /// among the lights, under a sky or without any light.
     #[inline]
     #[must_use]
     pub fn cone(&self, p: Vec3A) -> Option<(Vec3A, f32)> {
