@@ -73,10 +73,11 @@ const MIN_BATCH: usize = 64;
 const BATCH_SHARE: usize = 4;
 
 /// What became of a point that asked the cache.
-#[expect(clippy::large_enum_variant, reason = "most answers are of the large kind")]
 enum Answer {
     /// A record served it.
     Served(Look, Shares, RayCounts),
+    /// It looked for itself, as that took fewer rays than a record left to it.
+    Looked(Look, RayCounts),
     /// It must become a record.
     Missing(RayCounts),
 }
@@ -154,7 +155,9 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let frozen = &*index;
             let answers: Vec<Answer> = todo
                 .par_iter()
-                .map_init(Buffers::default, |buffers, &number| self.ask(frozen, &points[number], buffers))
+                .map_init(Buffers::default, |buffers, &number| {
+                    self.ask(frozen, &points[number], look_n(number), buffers)
+                })
                 .collect();
             let mut missing = Vec::new();
             for (&number, answer) in todo.iter().zip(answers) {
@@ -166,6 +169,11 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                         counts.filled += f64::from(shares.filled);
                         counts.unknown += f64::from(shares.unknown);
                         counts.traced += f64::from(shares.holes);
+                    }
+                    Answer::Looked(look, rays) => {
+                        looks.push((number, look));
+                        counts.rays += rays;
+                        counts.gathered += 1;
                     }
                     Answer::Missing(rays) => {
                         counts.rays += rays;
@@ -192,8 +200,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         looks
     }
 
-    /// Asks the cache for a point.
-    fn ask(&self, index: &Index, point: &SurfacePoint, buffers: &mut Buffers) -> Answer {
+    /// Asks the cache for a point, of which a look of its own takes `look_n x look_n` rays.
+    fn ask(&self, index: &Index, point: &SurfacePoint, look_n: usize, buffers: &mut Buffers) -> Answer {
         let surface = &point.shading.surface;
         let mut tracer =
             PointTracer { gatherer: &self.gatherer, surface: *surface, key: point.key, rays: RayCounts::default() };
@@ -204,6 +212,13 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let record = index.record(found.record);
         let Buffers { workspace, weights, samples } = buffers;
         let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.reproject);
+        let takes_texture = needs_texture(&point.shading, self.plan);
+        if !takes_texture && !self.repays(shares.holes, workspace.resolution(), look_n) {
+            let mut rays = RayCounts::default();
+            let (_, _, look) = self.look_for_itself(point, look_n, weights, &mut rays);
+            self.tell(point, || Step::Gathered { resolution: look_n, record: None });
+            return Answer::Looked(look, rays);
+        }
         let (holds, verdict, second_verdict) = self.verify(workspace, record, point, &mut tracer);
         if !holds {
             let verdict = second_verdict.unwrap_or(verdict);
@@ -211,7 +226,6 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return Answer::Missing(tracer.rays);
         }
         let frame = workspace.frame();
-        let takes_texture = needs_texture(&point.shading, self.plan);
         if takes_texture {
             self.weigh(&point.shading, &frame, workspace.resolution(), point.key, weights);
         }
@@ -276,14 +290,18 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         /// A record must reach at least so many times as far as one of irradiance that the first look makes.
         const REPAID: f32 = 0.7;
         let surface = &point.shading.surface;
-        let frame = Frame::from_normal(surface.n);
         let mut rays = RayCounts::default();
         let validity: Validity = self.plan.validity(point.footprint);
-        let samples = self.gatherer.gather(surface, &frame, look_n, hash(point.key), &mut rays);
-        let look = self.look(&samples, &frame, point, weights);
+        let (samples, frame, look) = self.look_for_itself(point, look_n, weights, &mut rays);
         let enough = look.record.as_ref().map_or(0.0, |record| REPAID * record.reach());
+        // Highlights are traced anew wherever the record is reprojected.
+        let marked = samples.view_dependent.iter().filter(|marked| **marked).count() as f32;
+        let holes = marked / samples.view_dependent.len() as f32;
+        let is_worth = needs_texture(&point.shading, self.plan)
+            || !self.plan.highlights
+            || self.repays(holes, self.plan.n, look_n);
         // What one texel shows or not, elements cannot carry to other places.
-        if validity.radius(&samples) <= enough || irradiance_cache::is_lit_by_few(&samples) {
+        if !is_worth || validity.radius(&samples) <= enough || irradiance_cache::is_lit_by_few(&samples) {
             self.tell(point, || Step::Gathered { resolution: samples.resolution(), record: None });
             return (None, look, rays);
         }
@@ -298,6 +316,29 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             record: Some(RecordFacts::new(&record, surface.p)),
         });
         (Some(record), look, rays)
+    }
+
+    /// Whether a reprojection of n x n texels with this share of holes takes so few rays that a look is not the better use of them.
+    fn repays(&self, holes: f32, n: usize, look_n: usize) -> bool {
+        /// The rays that it may take, as a share of those of the look: what so few rays see of the holes has the noise of a look.
+        const WORTH: f32 = 0.5;
+        let side = n as f32 / self.plan.reproject.step as f32;
+        holes * side * side <= WORTH * (look_n * look_n) as f32
+    }
+
+    /// What a point sees by `look_n x look_n` rays of its own, in which frame, and what it has of that.
+    fn look_for_itself(
+        &self,
+        point: &SurfacePoint,
+        look_n: usize,
+        weights: &mut Vec<Vec3>,
+        rays: &mut RayCounts,
+    ) -> (Samples, Frame, Look) {
+        let surface = &point.shading.surface;
+        let frame = Frame::from_normal(surface.n);
+        let samples = self.gatherer.gather(surface, &frame, look_n, hash(point.key), rays);
+        let look = self.look(&samples, &frame, point, weights);
+        (samples, frame, look)
     }
 
     /// What a point has of samples of its own.
