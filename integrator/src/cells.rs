@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::photons::PhotonSource;
-use crate::sampler::{Sampler, hash, hash_pair};
+use crate::sampler::{Sampler, hash, hash_pair, in_cell};
 use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
@@ -126,9 +126,8 @@ impl CellBuilder<'_> {
             .map(|number| {
                 let mut found = Vec::new();
                 let mut rays = RayCounts::default();
-                let cell = UVec2::new(number % PROBE_SIDE, number / PROBE_SIDE).as_vec2();
                 let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
-                let film = (cell + sampler.next_2d()) / PROBE_SIDE as f32 * size.as_vec2();
+                let film = in_cell(number, PROBE_SIDE, sampler.next_2d()) * size.as_vec2();
                 let ray = self.scene.camera_ray(film, size);
                 rays.camera += 1;
                 if let Some((seen, _)) = self.to_diffuse(ray, Vec3::ONE, &mut sampler, &mut rays) {

@@ -9,7 +9,7 @@
 //! Brent Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020. Melissa O'Neill, *PCG: A Family of Simple Fast
 //! Space-Efficient Statistically Good Algorithms for Random Number Generation*, 2014.
 
-use glam::Vec2;
+use glam::{UVec2, Vec2};
 use sobol_burley::parts::owen_scramble_rev;
 
 /// The sequence repeats after so many points; beyond, another scramble takes over.
@@ -153,6 +153,11 @@ impl Sampler {
         self.used += 2;
         Vec2::new(self.values[self.used - 2], self.values[self.used - 1])
     }
+}
+
+/// Returns the place of `u` in cell `number`, row by row, of the `side` x `side` ones that the unit square is cut into.
+pub(crate) fn in_cell(number: u32, side: u32, u: Vec2) -> Vec2 {
+    (UVec2::new(number % side, number / side).as_vec2() + u) / side as f32
 }
 
 /// Returns the number whose bit i is the sum, modulo 2, of the bits j with C(j, i) odd: by Lucas those j that have all bits of i.

@@ -278,16 +278,18 @@ pub(crate) fn mis_weight(taken: f32, other: f32) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::Rng;
     use scene::{Description, Material, Mesh, SpecularKind};
 
+    /// The corners of a level square, from its middle over or under the origin half a side to each side.
+    pub(crate) fn square(half: f32, y: f32) -> [Vec3; 4] {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| Vec3::new(half * x, y, half * z))
+    }
+
     /// A lamp of 0.4 m x 0.4 m at a height of 1 m over a floor of metal.
     fn lamp_over_metal(alpha: f32) -> Scene {
-        let square = |half: f32, y: f32| {
-            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| Vec3::new(half * x, y, half * z))
-        };
         let mesh = Mesh {
             positions: [square(5.0, 0.0), square(0.2, 1.0)].concat(),
             triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],

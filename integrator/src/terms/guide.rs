@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::direct::{DirectTerm, is_guided};
 use super::tiles::{self, NEAR, around, inside, tile};
-use crate::sampler::{Sampler, hash_pair};
+use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
 
@@ -92,9 +92,7 @@ fn learner<S: Secondary>(
 ) -> Vec<Lesson> {
     let mut lessons = Vec::new();
     let mut sampler = Sampler::new(seed, u64::from(number), 0);
-    let side = direct.plan.learners;
-    let square = UVec2::new(number % side, number / side).as_vec2();
-    let film = (square + sampler.next_2d()) / side as f32 * size.as_vec2();
+    let film = in_cell(number, direct.plan.learners, sampler.next_2d()) * size.as_vec2();
     let ray = direct.scene.camera_ray(film, size);
     rays.camera += 1;
     let Some(hit) = direct.scene.intersect(&ray) else { return lessons };

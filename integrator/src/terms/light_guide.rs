@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use scene::{LightSample, Lobes, Scene, SeenLights};
 
 use super::tiles::{self, around, tile};
-use crate::sampler::{Sampler, hash_pair};
+use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Shading, lights_of, unshadowed};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
@@ -120,8 +120,7 @@ impl Learner<'_> {
     fn lessons(&self, number: u32) -> (Vec<Lesson>, RayCounts) {
         let (mut lessons, mut rays) = (Vec::new(), RayCounts::default());
         let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
-        let square = UVec2::new(number % self.side, number / self.side).as_vec2();
-        let film = (square + sampler.next_2d()) / self.side as f32 * self.size.as_vec2();
+        let film = in_cell(number, self.side, sampler.next_2d()) * self.size.as_vec2();
         let Some(shading) = self.first_diffuse(film, &mut sampler, &mut rays) else { return (lessons, rays) };
         let surface = &shading.surface;
         let tile = tile(film, self.size, surface.n);
@@ -221,14 +220,12 @@ impl LightChoice {
 mod tests {
     use super::*;
     use crate::Rng;
+    use crate::secondary::tests::square;
     use glam::{Vec3, Vec3A};
     use scene::{Camera, Description, Material, Mesh, PunctualLight};
 
     /// A floor under a roof at y = 2 with two lamps below it; the `hidden` ones above it shine on nothing that the camera sees.
     fn roofed(hidden: u32) -> Scene {
-        let square = |half: f32, y: f32| {
-            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| Vec3::new(half * x, y, half * z))
-        };
         let mesh = Mesh {
             positions: [square(4.0, 0.0), square(9.0, 2.0)].concat(),
             triangles: vec![[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]],
