@@ -153,6 +153,14 @@ fn explain_step(text: &mut String, step: &Step) {
                 None => row(text, 2, "record", "none: made of none, or it would reach nobody"),
             }
         }
+        Step::Spread { places, resolution } => {
+            row(
+                text,
+                1,
+                "spread",
+                &format!("{resolution} x {resolution} rays from each of {places} places of the pixel"),
+            );
+        }
     }
 }
 

@@ -91,6 +91,13 @@ pub enum Step {
         /// The record that was made of it, unless it would serve nobody.
         record: Option<RecordFacts>,
     },
+    /// No record reaches its ends: rays were traced from several of its places.
+    Spread {
+        /// As many.
+        places: usize,
+        /// Rays of each, squared.
+        resolution: usize,
+    },
 }
 
 /// A record, as seen from a point that asks it.

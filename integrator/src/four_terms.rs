@@ -40,6 +40,7 @@ pub(crate) fn render<S: Secondary>(
         gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },
         plan,
         recorder: has_cache.then(|| Recorder::new(plan)),
+        size,
         witness,
     };
     let mut index = radcache::Index::new(plan.validity(0.0));

@@ -30,9 +30,13 @@ pub(crate) struct SurfacePoint {
     pub(crate) specular_weight: Vec3,
     /// Distance of that sample from the middle of the pixel, in pixels, by squares.
     pub(crate) off_middle: f32,
-    /// Number of samples, and sums over them of how far they are off the one that stands for them, and how their normals differ from its.
+    /// The pixel in the picture.
+    pub(crate) position: UVec2,
+    /// Number of samples, and sums over them of how far they are off the one that stands for them, of the squares of that, and of how their normals
+    /// differ from its.
     pub(crate) count: f32,
     pub(crate) offset: Vec3A,
+    pub(crate) offset_sq: f32,
     pub(crate) turn: Vec3A,
     /// Width of the pixel at the surface, metres.
     pub(crate) footprint: f32,
@@ -49,6 +53,12 @@ impl SurfacePoint {
         (surface.p + self.offset / self.count, n)
     }
 
+    /// The distance of the ends of the point from its middle, metres: half the length over which its samples lie, if they lie evenly along a line.
+    pub(crate) fn half_length(&self) -> f32 {
+        let variance = (self.offset_sq - self.offset.length_squared() / self.count) / self.count;
+        (3.0 * variance.max(0.0)).sqrt()
+    }
+
     /// Joins a sample of the same surface.
     fn join(&mut self, sample: &Self) {
         self.diffuse_weight += sample.diffuse_weight;
@@ -57,8 +67,10 @@ impl SurfacePoint {
         let (stands, joins) = (&self.shading.surface, &sample.shading.surface);
         let (offset, turn) = (joins.p - stands.p, joins.n - stands.n);
         self.offset += offset;
+        self.offset_sq += offset.length_squared();
         self.turn += turn;
         if sample.off_middle < self.off_middle {
+            self.offset_sq += offset.length_squared() * self.count - 2.0 * offset.dot(self.offset);
             self.offset -= offset * self.count;
             self.turn -= turn * self.count;
             (self.shading, self.footprint, self.off_middle) = (sample.shading, sample.footprint, sample.off_middle);
@@ -212,8 +224,10 @@ impl<S: Secondary> Primary<'_, S> {
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
                 off_middle: branch.off_middle,
+                position,
                 count: 1.0,
                 offset: Vec3A::ZERO,
+                offset_sq: 0.0,
                 turn: Vec3A::ZERO,
                 footprint,
                 key: hash_pair(key, found.points.len() as u64),
@@ -311,22 +325,23 @@ fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
 
 /// Adds a sample to the point of its surface, or starts one.
 fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) {
-    let same = points.iter_mut().find(|other| same_surface(other, &point, PLANE_TOLERANCE * length));
+    let same = points.iter_mut().find(|other| {
+        other.chain == point.chain && same_surface(&other.shading.surface, &point.shading.surface, length)
+    });
     match same {
         Some(other) => other.join(&point),
         None => points.push(point),
     }
 }
 
-/// Whether two points lie on one surface seen the same way: like normals, and each near the plane of the other.
-pub(crate) fn same_surface(a: &SurfacePoint, b: &SurfacePoint, tolerance: f32) -> bool {
-    let (sa, sb) = (&a.shading.surface, &b.shading.surface);
-    let apart = sb.p - sa.p;
-    a.chain == b.chain
-        && sa.material == sb.material
-        && sa.n.dot(sb.n) >= MIN_NORMAL_COS
-        && sa.n.dot(apart).abs() <= tolerance
-        && sb.n.dot(apart).abs() <= tolerance
+/// Whether two places that are seen `length` metres away are of one surface: like normals, and each near the plane of the other.
+pub(crate) fn same_surface(a: &Surface, b: &Surface, length: f32) -> bool {
+    let tolerance = PLANE_TOLERANCE * length;
+    let apart = b.p - a.p;
+    a.material == b.material
+        && a.n.dot(b.n) >= MIN_NORMAL_COS
+        && a.n.dot(apart).abs() <= tolerance
+        && b.n.dot(apart).abs() <= tolerance
 }
 
 #[cfg(test)]
@@ -335,9 +350,8 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn points_in_a_seam_move_inwards_and_others_stay() {
-        // A wall that stands on the floor y = 0.
+    /// A wall that stands on the floor y = 0.
+    fn wall() -> Scene {
         let mesh = Mesh {
             positions: vec![Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 3.0],
             triangles: vec![[0, 1, 2]],
@@ -345,7 +359,53 @@ mod tests {
             ..Mesh::default()
         };
         let materials = vec![Material::default()];
-        let scene = Scene::new(Description { meshes: vec![mesh], materials, ..Description::default() }).unwrap();
+        Scene::new(Description { meshes: vec![mesh], materials, ..Description::default() }).unwrap()
+    }
+
+    /// One sample of the wall.
+    fn sample(scene: &Scene, x: f32, off_middle: f32) -> SurfacePoint {
+        let ray = Ray::new(Vec3A::new(x, 0.5, 5.0), Vec3A::NEG_Z);
+        let surface = scene.surface(&ray, &scene.intersect(&ray).unwrap());
+        SurfacePoint {
+            pixel: 0,
+            chain: 0,
+            shading: Shading::new(scene, surface, ray.direction),
+            diffuse_weight: Vec3::ONE,
+            specular_weight: Vec3::ONE,
+            off_middle,
+            position: UVec2::ZERO,
+            count: 1.0,
+            offset: Vec3A::ZERO,
+            offset_sq: 0.0,
+            turn: Vec3A::ZERO,
+            footprint: 0.01,
+            key: 0,
+        }
+    }
+
+    #[test]
+    fn ends_of_a_point_are_as_far_off_as_its_samples_lie() {
+        // Evenly from 1 to 2, whatever sample stands for them.
+        let scene = wall();
+        for nearest in [0u8, 13, 63] {
+            let samples = (0..64u8).map(|i| {
+                let off_middle = (f32::from(i) - f32::from(nearest)).abs();
+                sample(&scene, 1.0 + (f32::from(i) + 0.5) / 64.0, off_middle)
+            });
+            let point = samples.reduce(|mut point, sample| {
+                point.join(&sample);
+                point
+            });
+            let point = point.unwrap();
+            let (middle, half) = (point.middle().0, point.half_length());
+            assert!((middle.x - 1.5).abs() < 1e-4, "{nearest}: middle {middle}");
+            assert!((half - 0.5).abs() < 1e-3, "{nearest}: {half}");
+        }
+    }
+
+    #[test]
+    fn points_in_a_seam_move_inwards_and_others_stay() {
+        let scene = wall();
         let ray = Ray::new(Vec3A::new(1.0, 0.0, 5.0), Vec3A::NEG_Z);
         let moved = |barycentrics| {
             let hit = Hit { t: 5.0, primitive: 0, barycentrics, media: ray.media };

@@ -6,12 +6,15 @@
 //! each other's place.
 
 use rayon::prelude::*;
+use scene::Surface;
 
 use super::index::Index;
 use super::record::Place;
+use super::recorder::MIN_PIXELS;
 use crate::explain::Step;
 use crate::lattice::{Lattice, STRIDES};
 use crate::secondary::Secondary;
+use crate::sky::luminance;
 use crate::surface_points::SurfacePoint;
 use crate::terms::glossy::needs_texture;
 use crate::terms::indirect::{Counts, Incident, IndirectTerm, Look};
@@ -55,6 +58,13 @@ pub(crate) fn fill<S: Secondary>(
         }
     }
     let index = &*index;
+    let numbers = 0..points.len();
+    let is_asked = |&number: &usize| values[number].is_none() && is_wide(term, &points[number], &places[number], index);
+    let wide: Vec<usize> = numbers.into_par_iter().filter(is_asked).collect();
+    counts.gathered += wide.iter().filter(|&&number| !has_looked[number]).count() as u64;
+    for (number, incident) in term.look_over(points, wide, counts) {
+        values[number] = Some(incident);
+    }
     counts.interpolated +=
         values.iter().zip(&has_looked).filter(|(value, looked)| value.is_none() && !**looked).count() as u64;
     let own_place = |number: usize| {
@@ -75,11 +85,49 @@ pub(crate) fn fill<S: Secondary>(
     (0..points.len()).into_par_iter().map(rest).collect()
 }
 
+/// Whether a point that is seen directly is so long that no record can tell the light on all of it: one end is in a gap and the other is not, what records tell
+/// of its middle and of its ends differs too much, or too few of them are reached.
+fn is_wide<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
+    /// What stands so much nearer above one end than above the other makes a gap, if it is nearer than the ends.
+    const GAP: f32 = 0.1;
+    /// What stands above the ends is found from this height, by their distance: a surface that bends stays below.
+    const LIFT: f32 = 0.2;
+    /// The darkest of the three has this share less light than the brightest.
+    const CHANGE: f32 = 0.5;
+    let half = point.half_length();
+    // Up to there all records reach, and farther where light does not change much.
+    if point.chain != 0 || half <= MIN_PIXELS * point.footprint || !index.is_near_small(middle, half) {
+        return false;
+    }
+    let surface = &point.shading.surface;
+    let towards_eye = point.shading.wo.with_z(0.0).normalize_or_zero();
+    let along = point.shading.frame.to_world(towards_eye) * half;
+    let lift = LIFT * half;
+    let ends = [along, -along].map(|end| {
+        let lifted = Surface { p: surface.p + end + lift * surface.ng, ..*surface };
+        Place { p: middle.p + end, clearance: lift + clearance(term, &lifted), ..*middle }
+    });
+    let heights = ends.map(|end| end.clearance);
+    let lower = heights[0].min(heights[1]);
+    if lower < half && lower < GAP * heights[0].max(heights[1]) {
+        return true;
+    }
+    let light = |place: &Place| index.interpolate(place).map(|([near, sky], _)| luminance(near + sky));
+    let known = ends.iter().chain([middle]).filter_map(light);
+    let (mut least, mut most, mut count) = (f32::INFINITY, 0.0f32, 0);
+    for light in known {
+        (least, most, count) = (least.min(light), most.max(light), count + 1);
+    }
+    count < 2 || least < (1.0 - CHANGE) * most
+}
+
 /// A point as one that asks records, in the middle of its samples: what stands above it is found by a ray, if it `asks` any.
 fn place<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, asks: bool) -> Place {
-    let surface = &point.shading.surface;
-    let overhead = || term.gatherer.scene.intersect(&surface.spawn(surface.ng));
-    let hit = if asks { overhead() } else { None };
     let (p, n) = point.middle();
-    Place { p, n, clearance: hit.map_or(f32::INFINITY, |hit| hit.t) }
+    Place { p, n, clearance: if asks { clearance(term, &point.shading.surface) } else { f32::INFINITY } }
+}
+
+/// The distance to what stands above a surface, metres.
+fn clearance<S: Secondary>(term: &IndirectTerm<'_, S>, surface: &Surface) -> f32 {
+    term.gatherer.scene.intersect(&surface.spawn(surface.ng)).map_or(f32::INFINITY, |hit| hit.t)
 }

@@ -40,6 +40,11 @@ impl Index {
         self.near(place).any(|record| record.distance(place) <= distance)
     }
 
+    /// Whether a record that reaches a place, or nearly does, reaches no farther than `length` metres in one direction.
+    pub(crate) fn is_near_small(&self, place: &Place, length: f32) -> bool {
+        self.near(place).any(|record| record.least_reach() <= length)
+    }
+
     /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
     /// of the soft sky; and how many these records are. `None` where there is none.
     pub(crate) fn interpolate(&self, place: &Place) -> Option<([Vec3; 2], usize)> {

@@ -158,6 +158,11 @@ impl Record {
         self.radii[1]
     }
 
+    /// How far it reaches where it reaches least, metres.
+    pub(crate) fn least_reach(&self) -> f32 {
+        self.radii[0]
+    }
+
     /// How far off a place is, in units of the record's reach: it serves those below 1.
     pub(crate) fn distance(&self, place: &Place) -> f32 {
         let &Place { p, n, clearance } = place;

@@ -18,7 +18,7 @@ pub(crate) struct Recorder {
 }
 
 /// Smallest radius of a record, pixels.
-const MIN_PIXELS: f32 = 1.5;
+pub(super) const MIN_PIXELS: f32 = 1.5;
 
 impl Recorder {
     /// Makes records as the plan has them.

@@ -8,7 +8,7 @@
 //! Diffuse points need not all look for themselves: what one sees, by reprojection or by a gather, makes it a record of irradiance with
 //! derivatives, and those around it take their light from that ([`irradiance_cache`]).
 
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 use hemimap::Frame;
 use radcache::{Index, Record, Samples, Validity};
 use rayon::prelude::*;
@@ -63,6 +63,8 @@ pub(crate) struct IndirectTerm<'a, S> {
     pub(crate) plan: &'a Plan,
     /// Makes records of irradiance, where there is a cache.
     pub(crate) recorder: Option<Recorder>,
+    /// The size of the picture, pixels.
+    pub(crate) size: UVec2,
     /// Who writes down what happens at the points of one pixel, if anybody does.
     pub(crate) witness: Option<&'a Witness>,
 }
@@ -254,7 +256,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         Answer::Served(Look { incident, record }, shares, tracer.rays)
     }
 
-    /// Asks four rays whether the elements are where the record says, and sixteen more where two of them disagree. Whether the
+    /// Asks four rays whether the elements are where the record says, and sixteen more where two of them disagree or all fell into holes. Whether the
     /// record holds, and what the first and the second rays found.
     fn verify(
         &self,
@@ -273,7 +275,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         }
         let share = |verdict: Verdict| verdict.wrong as f32 / verdict.asked.max(1) as f32;
         let first = workspace.verify(record, side, point.key, tracer);
-        if share(first) < DOUBT {
+        if first.asked > 0 && share(first) < DOUBT {
             return (true, first, None);
         }
         let second = workspace.verify(record, 2 * side, point.key, tracer);

@@ -9,3 +9,4 @@ pub(crate) mod guide;
 pub(crate) mod indirect;
 pub(crate) mod light_guide;
 mod tiles;
+mod wide;

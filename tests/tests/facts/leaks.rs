@@ -1,6 +1,6 @@
 //! Places where light must not come, or hardly.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3};
 use integrator::{Film, Method};
 use tests::{Builder, Effort, METHODS, Pictures, black, cuboid, lambert, measure, print};
 
@@ -85,6 +85,50 @@ fn thin_gap_lets_in_what_it_must() {
                 print(&format!("{what}, {}: {:.4}", method.name(), measured.mean));
                 assert!((measured.mean - 1.0).abs() < 0.1, "{what}, {}: {measured:?}", method.name());
             }
+        }
+    }
+}
+
+#[test]
+fn light_that_changes_within_a_pixel_is_the_mean_of_it() {
+    // The slit from without: the floor goes on at x < 0, where d is negative, and is seen at a tenth of the normal's slant. A pixel is 0.1 long there.
+    const HEIGHT: f32 = 0.02;
+    let end = 1e3;
+    let floor = [(-end, -end), (end, -end), (end, end), (-end, end)].map(|(x, y)| Vec3::new(x, y, 0.0));
+    let roof = [(0.0, end), (end, end), (end, -end), (0.0, -end)].map(|(x, y)| Vec3::new(x, y, HEIGHT));
+    let scene = Builder::default()
+        .polygon(&floor, lambert(0.5))
+        .polygon(&roof, black())
+        .sky(1.0)
+        .view(Vec3::new(-3.0, 0.0, 0.3), Vec3::ZERO, 3.0)
+        .build();
+    let radiance = |p: DVec3| 0.25 * (1.0 - p.x / p.x.hypot(f64::from(HEIGHT)));
+    let effort = Effort { seeds: 16, quality: 1.0, ..Effort::default() };
+    let shown = |film: Vec2| {
+        let ray = scene.camera_ray(film, UVec2::splat(effort.side));
+        let p = scene.surface(&ray, &scene.intersect(&ray).expect("the floor or the roof")).p.as_dvec3();
+        if p.z < 0.5 * f64::from(HEIGHT) { radiance(p) } else { 0.0 }
+    };
+    let mean = |pixel: u32| {
+        let corner = UVec2::new(pixel % effort.side, pixel / effort.side).as_vec2();
+        let at = |i: u32| shown(corner + (UVec2::new(i % 4, i / 4).as_vec2() + 0.5) / Vec2::new(4.0, 64.0));
+        (0..256).map(at).sum::<f64>() / 256.0
+    };
+    let known: Vec<f64> = (0..effort.side * effort.side).map(mean).collect();
+    for method in [Method::Reproject, Method::CacheOnly] {
+        let pictures = Pictures::new(&scene, method, &effort);
+        for range in [0.01..0.1, 0.4..0.49] {
+            let row = known.iter().enumerate().filter(|(_, known)| range.contains(*known));
+            let films = || pictures.films.iter().map(Film::picture);
+            let errors = row.flat_map(|(pixel, known)| films().map(move |film| f64::from(film[pixel].x) / known - 1.0));
+            let errors: Vec<f64> = errors.collect();
+            let count = errors.len() as f64;
+            let mean = errors.iter().sum::<f64>() / count;
+            let rms = (errors.iter().map(|error| error * error).sum::<f64>() / count).sqrt();
+            let what = format!("slit seen flatly, {}, {range:?}: off by {mean:.3}, a pixel by {rms:.3}", method.name());
+            print(&what);
+            assert!(count >= 256.0, "a row of pixels: {count}");
+            assert!(mean.abs() < 0.1 && rms < 0.4, "{what}");
         }
     }
 }
