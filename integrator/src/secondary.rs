@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use scene::{Bsdf, LightSample, Lights, Lobes, Ray, Scene, Specular, Surface};
+use scene::{Bsdf, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::sky::SkySplit;
@@ -183,50 +183,75 @@ pub(crate) fn direct_light(
     u: [f32; 4],
     rays: &mut RayCounts,
 ) -> Vec3 {
-    /// A sequence of low discrepancy (Roberts 2018).
-    const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
-    let Shading { surface, frame, bsdf, wo } = shading;
-    let LightWays { count, choice, sky } = ways;
-    let mut lights = lights_of(scene, shading, sky).seen_from(surface.p, surface.n);
-    let mut total = 0.0;
-    let mut u_pick = u[3];
-    let mut picked: Option<(LightSample, Vec3, f32)> = None;
-    for number in 0..count {
-        let number = number as f32;
-        let u_choice = (u[0] + number / count as f32).fract();
-        let u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
-        let light = match choice {
-            Some(choice) => choice.sample(&mut lights, u_choice, u_direction),
-            None => lights.sample(u_choice, u_direction),
-        };
-        let Some(mut light) = light else { continue };
-        let wi = frame.to_local(light.wi);
-        if wi.z <= 0.0 || !shading.leaves(light.wi, wi) {
-            continue;
-        }
-        light.pdf *= count as f32;
-        let value = unshadowed(bsdf, lobes, *wo, wi, &light, sky);
-        let weight = value.max_element();
-        let is_sound = weight > 0.0 && weight.is_finite();
-        if !is_sound {
-            continue;
-        }
-        total += weight;
-        // What is left of the number is uniform again.
-        let share = weight / total;
-        if u_pick < share {
-            picked = Some((light, value, weight));
-            u_pick /= share;
-        } else {
-            u_pick = (u_pick - share) / (1.0 - share);
-        }
+    DirectLight::new(scene, shading, lobes, ways).sample(u, rays)
+}
+
+/// [`direct_light`] for whoever takes several samples of one point.
+#[derive(Debug)]
+pub(crate) struct DirectLight<'a> {
+    scene: &'a Scene,
+    shading: &'a Shading,
+    lobes: Lobes,
+    ways: LightWays<'a>,
+    lights: SeenLights<'a>,
+}
+
+impl<'a> DirectLight<'a> {
+    pub(crate) fn new(scene: &'a Scene, shading: &'a Shading, lobes: Lobes, ways: LightWays<'a>) -> Self {
+        let Surface { p, n, .. } = shading.surface;
+        Self { scene, shading, lobes, ways, lights: lights_of(scene, shading, ways.sky).seen_from(p, n) }
     }
-    let Some((light, value, weight)) = picked else { return Vec3::ZERO };
-    rays.shadow += 1;
-    if scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
-        return Vec3::ZERO;
+
+    /// Takes one sample.
+    #[inline]
+    pub(crate) fn sample(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
+        /// A sequence of low discrepancy (Roberts 2018).
+        const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+        let Shading { surface, frame, bsdf, wo } = self.shading;
+        let LightWays { count, choice, sky } = self.ways;
+        let mut total = 0.0;
+        let mut u_pick = u[3];
+        let mut picked: Option<(LightSample, Vec3, f32)> = None;
+        let (mut u_choice, mut u_direction) = (u[0], Vec2::new(u[1], u[2]));
+        for number in 0..count {
+            if number > 0 {
+                let number = number as f32;
+                u_choice = (u[0] + number / count as f32).fract();
+                u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
+            }
+            let light = match choice {
+                Some(choice) => choice.sample(&mut self.lights, u_choice, u_direction),
+                None => self.lights.sample(u_choice, u_direction),
+            };
+            let Some(mut light) = light else { continue };
+            let wi = frame.to_local(light.wi);
+            if wi.z <= 0.0 || !self.shading.leaves(light.wi, wi) {
+                continue;
+            }
+            light.pdf *= count as f32;
+            let value = unshadowed(bsdf, self.lobes, *wo, wi, &light, sky);
+            let weight = value.max_element();
+            let is_sound = weight > 0.0 && weight.is_finite();
+            if !is_sound {
+                continue;
+            }
+            total += weight;
+            // What is left of the number is uniform again.
+            let share = weight / total;
+            if u_pick < share {
+                picked = Some((light, value, weight));
+                u_pick /= share;
+            } else {
+                u_pick = (u_pick - share) / (1.0 - share);
+            }
+        }
+        let Some((light, value, weight)) = picked else { return Vec3::ZERO };
+        rays.shadow += 1;
+        if self.scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
+            return Vec3::ZERO;
+        }
+        value * (total / weight) * self.scene.transmittance_within(surface.media, light.distance)
     }
-    value * (total / weight) * scene.transmittance_within(surface.media, light.distance)
 }
 
 /// Direct light of sources that light sampling does not know, such as surfaces whose holes a mask draws, reflected by the diffuse part: by one

@@ -6,7 +6,7 @@ use scene::{Lobes, Ray, Scene, Specular, Surface};
 
 use crate::plan::Plan;
 use crate::sampler::Sampler;
-use crate::secondary::{Follower, LightWays, Secondary, Shading, direct_light, mis_weight, unsampled_emission};
+use crate::secondary::{DirectLight, Follower, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::guide::LobeGuide;
@@ -67,12 +67,13 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let has_many_lights = self.scene.lights().count() > 1;
         let choice = self.light_guide.filter(|_| takes_guide(shading)).and_then(|guide| guide.at(position, shading));
         let ways = LightWays { count: 1, choice, sky: self.sky };
+        let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways);
         for mut sampler in sampler.split_into(count) {
             // The best stratified pair is for the point of the light.
             let point = sampler.next_pair();
             let u_choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
             let u = [u_choice, point.x, point.y, 0.0];
-            light.direct += direct_light(self.scene, shading, Lobes::ALL, ways, u, rays) / count as f32;
+            light.direct += lights.sample(u, rays) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);
