@@ -91,7 +91,7 @@ pub enum Step {
         /// The record that was made of it, unless it would serve nobody.
         record: Option<RecordFacts>,
     },
-    /// No record reaches its ends: rays were traced from several of its places.
+    /// Light changes within it more than records can tell, or none reaches its ends: rays were traced from several of its places.
     Spread {
         /// As many.
         places: usize,

@@ -42,7 +42,7 @@ fn stories_of_all_pixels_add_up_to_picture_and_statistics() {
             let indirect = explanation.terms.indirect;
             assert!((sum - indirect).length() <= 1e-4 * indirect.length(), "points of {pixel}: {sum} of {indirect}");
             for point in &explanation.points {
-                // What becomes of a point that is wider than all records reach counts by how it looked before, if it did.
+                // A point that looked from several places in the end counts by how it looked before, if it did.
                 let is_spread = |step: &&Step| matches!(step, Step::Spread { .. });
                 let mut steps = point.steps.iter().rev();
                 match steps.clone().find(|step| !is_spread(step)).or(steps.next()) {

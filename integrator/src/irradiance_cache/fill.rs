@@ -5,6 +5,7 @@
 //! batch of records is made while the index is frozen, and points of one batch lie at least a stride apart, so they seldom serve
 //! each other's place.
 
+use glam::Vec3A;
 use rayon::prelude::*;
 use scene::Surface;
 
@@ -58,9 +59,11 @@ pub(crate) fn fill<S: Secondary>(
         }
     }
     let index = &*index;
-    let numbers = 0..points.len();
-    let is_asked = |&number: &usize| values[number].is_none() && is_wide(term, &points[number], &places[number], index);
-    let wide: Vec<usize> = numbers.into_par_iter().filter(is_asked).collect();
+    let is_long = |&number: &usize| values[number].is_none() && is_long(&points[number], &places[number], index);
+    let long: Vec<usize> = (0..points.len()).into_par_iter().filter(is_long).collect();
+    counts.rays.hole += 2 * long.len() as u64;
+    let is_wide = |&number: &usize| is_wide(term, &points[number], &places[number], index);
+    let wide: Vec<usize> = long.into_par_iter().filter(is_wide).collect();
     counts.gathered += wide.iter().filter(|&&number| !has_looked[number]).count() as u64;
     for (number, incident) in term.look_over(points, wide, counts) {
         values[number] = Some(incident);
@@ -85,40 +88,47 @@ pub(crate) fn fill<S: Secondary>(
     (0..points.len()).into_par_iter().map(rest).collect()
 }
 
-/// Whether a point that is seen directly is so long that no record can tell the light on all of it: one end is in a gap and the other is not, what records tell
-/// of its middle and of its ends differs too much, or too few of them are reached.
+/// Whether a point that is seen directly is longer than some record around it reaches, or no record is around it.
+fn is_long(point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
+    let half = point.half_length();
+    // Up to there all records reach.
+    point.chain == 0
+        && half > MIN_PIXELS * point.footprint
+        && index.least_reach(middle).is_none_or(|reach| reach <= half)
+}
+
+/// Whether records cannot tell the light on all of a long point: it is in a gap in part, what they tell of its middle and of its ends differs too much, or
+/// too few of these are reached.
 fn is_wide<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
-    /// What stands so much nearer above one end than above the other makes a gap, if it is nearer than the ends.
+    /// What stands so much nearer above one place than above another makes a gap, if it is nearer than the ends.
     const GAP: f32 = 0.1;
     /// What stands above the ends is found from this height, by their distance: a surface that bends stays below.
     const LIFT: f32 = 0.2;
     /// The darkest of the three has this share less light than the brightest.
     const CHANGE: f32 = 0.5;
     let half = point.half_length();
-    // Up to there all records reach, and farther where light does not change much.
-    if point.chain != 0 || half <= MIN_PIXELS * point.footprint || !index.is_near_small(middle, half) {
-        return false;
-    }
     let surface = &point.shading.surface;
     let towards_eye = point.shading.wo.with_z(0.0).normalize_or_zero();
     let along = point.shading.frame.to_world(towards_eye) * half;
     let lift = LIFT * half;
-    let ends = [along, -along].map(|end| {
-        let lifted = Surface { p: surface.p + end + lift * surface.ng, ..*surface };
-        Place { p: middle.p + end, clearance: lift + clearance(term, &lifted), ..*middle }
-    });
-    let heights = ends.map(|end| end.clearance);
-    let lower = heights[0].min(heights[1]);
-    if lower < half && lower < GAP * heights[0].max(heights[1]) {
+    let end = |offset: Vec3A| {
+        let lifted = Surface { p: surface.p + offset + lift * surface.ng, ..*surface };
+        Place { p: middle.p + offset, clearance: lift + clearance(term, &lifted), ..*middle }
+    };
+    let places = [*middle, end(along), end(-along)];
+    let (lowest, highest, _) = range(places.iter().map(|place| place.clearance));
+    if term.plan.gaps && lowest < half && lowest < GAP * highest {
         return true;
     }
     let light = |place: &Place| index.interpolate(place).map(|([near, sky], _)| luminance(near + sky));
-    let known = ends.iter().chain([middle]).filter_map(light);
-    let (mut least, mut most, mut count) = (f32::INFINITY, 0.0f32, 0);
-    for light in known {
-        (least, most, count) = (least.min(light), most.max(light), count + 1);
-    }
-    count < 2 || least < (1.0 - CHANGE) * most
+    let (darkest, brightest, count) = range(places.iter().filter_map(light));
+    count < 2 || darkest < (1.0 - CHANGE) * brightest
+}
+
+/// The least and the largest of some numbers, and how many they are.
+fn range(numbers: impl Iterator<Item = f32>) -> (f32, f32, u32) {
+    let none = (f32::INFINITY, f32::NEG_INFINITY, 0);
+    numbers.fold(none, |(least, largest, count), x| (least.min(x), largest.max(x), count + 1))
 }
 
 /// A point as one that asks records, in the middle of its samples: what stands above it is found by a ray, if it `asks` any.

@@ -40,9 +40,9 @@ impl Index {
         self.near(place).any(|record| record.distance(place) <= distance)
     }
 
-    /// Whether a record that reaches a place, or nearly does, reaches no farther than `length` metres in one direction.
-    pub(crate) fn is_near_small(&self, place: &Place, length: f32) -> bool {
-        self.near(place).any(|record| record.least_reach() <= length)
+    /// How far that record reaches which reaches least, of those around a place, metres; `None` where there is none.
+    pub(crate) fn least_reach(&self, place: &Place) -> Option<f32> {
+        self.near(place).map(Record::least_reach).reduce(f32::min)
     }
 
     /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and

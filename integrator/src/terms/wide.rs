@@ -2,7 +2,7 @@
 //! above a lamp or along the foot of a wall.
 //!
 //! What one place of such a point sees is no more than a sample of its light, and a poor one. So it is looked at from several of its places, as primary rays find
-//! them, and with no more rays than one look takes.
+//! them, and with about as many rays in all as one look takes.
 
 use glam::Vec3;
 use hemimap::Frame;
