@@ -9,11 +9,12 @@ use crate::workspace::radiance;
 
 /// The plane of an element as seen from the point, in the frame of the point.
 #[derive(Debug, Clone, Copy)]
-struct Plane {
+pub(crate) struct Plane {
     /// Unit normal, turned to the point.
     normal: Vec3A,
-    /// The middle of the element.
-    centre: Vec3A,
+    /// What the middle of the element has along the normal, and its distance.
+    height: f32,
+    far: f32,
 }
 
 impl Plane {
@@ -22,7 +23,8 @@ impl Plane {
         let [a, b, c, d] = std::array::from_fn(|k| *rotation * (elements.corner(e, k) - offset));
         let centre = (a + b + c + d) / 4.0;
         let normal = (c - a).cross(d - b).normalize_or(-centre.normalize_or(Vec3A::NEG_Z));
-        Self { normal: if normal.dot(centre) > 0.0 { -normal } else { normal }, centre }
+        let normal = if normal.dot(centre) > 0.0 { -normal } else { normal };
+        Self { normal, height: normal.dot(centre), far: centre.length() }
     }
 
     /// Distance along a unit direction through the element. Where a grazing plane would be met far from the element, as its outline
@@ -30,10 +32,9 @@ impl Plane {
     fn distance(&self, wi: Vec3A) -> f32 {
         /// Times the distance of the middle.
         const RANGE: [f32; 2] = [0.5, 2.0];
-        let far = self.centre.length();
-        let distance = self.normal.dot(self.centre) / self.normal.dot(wi);
-        let inside = distance >= RANGE[0] * far && distance <= RANGE[1] * far;
-        if inside { distance } else { far }
+        let distance = self.height / self.normal.dot(wi);
+        let inside = distance >= RANGE[0] * self.far && distance <= RANGE[1] * self.far;
+        if inside { distance } else { self.far }
     }
 }
 
@@ -50,7 +51,8 @@ impl Workspace {
         }
         self.find_owners();
         let (elements, centres) = (record.elements(), self.centres.of(n));
-        let mut last: Option<(u16, Plane)> = None;
+        self.planes.clear();
+        self.planes.resize(elements.len(), None);
         for (texel, &owner) in self.owners.iter().enumerate() {
             let e = usize::from(owner);
             if owner == NOBODY {
@@ -59,11 +61,7 @@ impl Workspace {
                 samples.set(texel, radiance(elements, e), f32::INFINITY, Vec3A::Z);
                 samples.background_share[texel] = elements.background_share[e];
             } else {
-                let plane = match last {
-                    Some((of, plane)) if of == owner => plane,
-                    _ => Plane::of(elements, e, self.offset, &self.rotation),
-                };
-                last = Some((owner, plane));
+                let plane = self.planes[e].get_or_insert_with(|| Plane::of(elements, e, self.offset, &self.rotation));
                 samples.set(texel, radiance(elements, e), plane.distance(centres.direction(texel)), plane.normal);
                 samples.background_share[texel] = elements.background_share[e];
             }

@@ -8,6 +8,7 @@ use crate::holes::Hole;
 use crate::horizon::TexelCentres;
 use crate::kernel::{Board, Kernel, NOBODY};
 use crate::masks::Masks;
+use crate::samples::Plane;
 use crate::{Traced, Tracer};
 
 /// What of the square an element covers.
@@ -102,6 +103,8 @@ pub struct Workspace {
     /// The board that the kernel uses up to 32 texels along a side, and the one beyond.
     pub(crate) narrow: Board<u32>,
     pub(crate) wide: Board<u64>,
+    /// The planes of elements that were found while samples were written.
+    pub(crate) planes: Vec<Option<Plane>>,
     /// The element that fills each texel, if that was asked.
     pub(crate) owners: Vec<u16>,
     pub(crate) has_owners: bool,
@@ -144,6 +147,7 @@ impl Workspace {
             kernel,
             narrow: Board::default(),
             wide: Board::default(),
+            planes: Vec::new(),
             owners: Vec::new(),
             has_owners: false,
             holes: Vec::new(),
