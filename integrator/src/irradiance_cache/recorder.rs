@@ -17,7 +17,7 @@ pub(crate) struct Recorder {
     plan: Plan,
 }
 
-/// Derivatives need about so many blocks of texels along a side.
+/// Derivatives need no more than about so many blocks of texels along a side.
 const BLOCKS: usize = 16;
 /// Smallest radius of a record, pixels.
 pub(super) const MIN_PIXELS: f32 = 1.5;
@@ -27,7 +27,7 @@ impl Recorder {
     pub(crate) fn new(plan: &Plan) -> Self {
         let mut resolutions = vec![plan.n, plan.look_n, plan.look_n_at(2), plan.look_n_at(1)];
         resolutions.dedup();
-        let step = |n: usize| ((n + BLOCKS / 2) / BLOCKS).max(1);
+        let step = |n: usize| (n / BLOCKS).max(1);
         let edges = resolutions.into_iter().map(|n| TexelEdges::new(n, step(n))).collect();
         Self { edges, plan: plan.clone() }
     }
