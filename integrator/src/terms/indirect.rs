@@ -56,6 +56,17 @@ pub(crate) struct Counts {
     pub(crate) traced: f64,
 }
 
+impl Counts {
+    /// Counts the rays that answers took, and returns the rest of these.
+    pub(crate) fn take<T>(&mut self, found: Vec<(usize, T, RayCounts)>) -> Vec<(usize, T)> {
+        let counted = found.into_iter().map(|(number, answer, rays)| {
+            self.rays += rays;
+            (number, answer)
+        });
+        counted.collect()
+    }
+}
+
 /// Evaluates points of the picture.
 #[derive(Debug)]
 pub(crate) struct IndirectTerm<'a, S> {
@@ -124,13 +135,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                 (number, self.look(&samples, &frame, point, weights), rays)
             })
             .collect();
-        found
-            .into_iter()
-            .map(|(number, look, rays)| {
-                counts.rays += rays;
-                (number, look)
-            })
-            .collect()
+        counts.take(found)
     }
 
     /// Whether anything of a point is lit by a texture: a narrow lobe alone is traced.

@@ -36,11 +36,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                 (number, self.over(&points[number], &mut rays), rays)
             })
             .collect();
-        let joined = found.into_iter().map(|(number, incident, rays)| {
-            counts.rays += rays;
-            (number, incident)
-        });
-        joined.collect()
+        counts.take(found)
     }
 
     fn over(&self, point: &SurfacePoint, rays: &mut RayCounts) -> Incident {
