@@ -20,14 +20,19 @@ pub struct Ray {
     pub t_max: f32,
     /// The transparent bodies in which it starts.
     pub media: Media,
+    /// Index of the triangle on which it starts and which it does not meet again, or [`Ray::NOWHERE`]. A free form may be met again.
+    pub from: u32,
 }
 
 impl Ray {
+    /// The ray starts on no triangle.
+    pub const NOWHERE: u32 = u32::MAX;
+
     /// Returns the ray from `origin` along the unit vector `direction`, without an end and outside of transparent bodies.
     #[inline]
     #[must_use]
     pub fn new(origin: Vec3A, direction: Vec3A) -> Self {
-        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY, media: Media::NONE }
+        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY, media: Media::NONE, from: Self::NOWHERE }
     }
 
     /// Returns the point at parameter `t`.

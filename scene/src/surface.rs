@@ -48,7 +48,8 @@ impl Surface {
     #[inline]
     #[must_use]
     pub fn spawn(&self, direction: Vec3A) -> Ray {
-        Ray { media: self.media_towards(direction), ..Ray::new(self.offset(direction), direction) }
+        let media = self.media_towards(direction);
+        Ray { media, from: self.primitive, ..Ray::new(self.offset(direction), direction) }
     }
 
     /// Returns a ray from this point that ends just before `p`: a shadow ray to a point of a light.
@@ -62,7 +63,8 @@ impl Surface {
         let distance = offset.length();
         let direction = offset / distance;
         let t_max = distance * (1.0 - SHADOW_MARGIN);
-        Ray { origin, direction, t_min: 0.0, t_max, media: self.media_towards(direction) }
+        let media = self.media_towards(direction);
+        Ray { origin, direction, t_min: 0.0, t_max, media, from: self.primitive }
     }
 
     /// Returns a ray towards what [`Lights::sample`](crate::Lights::sample) chose: it ends just before `distance`, which may be infinite.

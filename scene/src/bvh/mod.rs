@@ -4,6 +4,7 @@
 //! four lanes, and each leaf is a packet of up to four primitives, tested in four lanes likewise.
 
 mod build;
+mod lane_ray;
 mod median;
 mod packet;
 #[cfg(test)]

@@ -8,6 +8,7 @@
 
 use glam::{BVec4A, DVec3, Vec2, Vec3, Vec3A, Vec4};
 
+use super::lane_ray::LaneRay;
 use crate::Ray;
 
 /// Up to four triangles, a lane each; a lane may also hold a free form or nothing, whose corners are NaN.
@@ -26,15 +27,6 @@ pub(super) const CUT_OUT: u32 = 1 << 30;
 /// The bits of the primitive's index.
 pub(super) const PRIMITIVE: u32 = CUT_OUT - 1;
 
-/// A ray in the form in which triangles want it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ShearedRay {
-    origin: [Vec4; 3],
-    /// Axes: z is the one along which the ray is longest.
-    axes: [usize; 3],
-    shear: [Vec4; 3],
-}
-
 /// Half the distance from 1 to the next f32: the relative error of one rounding.
 const UNIT_ROUNDOFF: f32 = 0.5 * f32::EPSILON;
 
@@ -46,35 +38,17 @@ const T_ERROR: f32 = 128.0 * UNIT_ROUNDOFF;
 pub(super) struct Lanes {
     /// Lanes whose triangle is met at t > 0 or too close to 0 to tell.
     pub(super) mask: u32,
-    pub(super) t: Vec4,
-    v: Vec4,
-    w: Vec4,
-    det_inv: Vec4,
+    t: [f32; 4],
+    v: [f32; 4],
+    w: [f32; 4],
+    det_inv: [f32; 4],
     /// Lanes where t needs a second look.
     doubt: u32,
 }
 
-impl ShearedRay {
-    #[inline]
-    pub(super) fn new(ray: &Ray) -> Self {
-        let d = ray.direction.abs();
-        let z = if d.x > d.y {
-            if d.x > d.z { 0 } else { 2 }
-        } else if d.y > d.z {
-            1
-        } else {
-            2
-        };
-        let x = (z + 1) % 3;
-        let y = (x + 1) % 3;
-        let direction = ray.direction.to_array();
-        let z_inv = 1.0 / direction[z];
-        Self {
-            origin: ray.origin.to_array().map(Vec4::splat),
-            axes: [x, y, z],
-            shear: [Vec4::splat(direction[x] * z_inv), Vec4::splat(direction[y] * z_inv), Vec4::splat(z_inv)],
-        }
-    }
+impl Lanes {
+    /// Nothing is met.
+    const NONE: Self = Self { mask: 0, t: [0.0; 4], v: [0.0; 4], w: [0.0; 4], det_inv: [0.0; 4], doubt: 0 };
 }
 
 impl Packet {
@@ -83,7 +57,7 @@ impl Packet {
 
     /// Meets all lanes with a ray and returns those whose triangle is hit before `t_max`.
     #[inline]
-    pub(super) fn meet(&self, ray: &ShearedRay, t_max: f32) -> Lanes {
+    pub(super) fn meet(&self, ray: &LaneRay, t_max: f32) -> Lanes {
         let [ax, ay, az] = self.sheared(0, ray);
         let [bx, by, bz] = self.sheared(1, ray);
         let [cx, cy, cz] = self.sheared(2, ray);
@@ -101,25 +75,26 @@ impl Packet {
         // NaN, of an empty lane or a triangle seen edge on (0 / 0), fails each comparison.
         let met = !outside & det.abs().cmpgt(Vec4::ZERO);
         if !met.any() {
-            return Lanes { mask: 0, t: det, v, w, det_inv: det, doubt: 0 };
+            return Lanes::NONE;
         }
         let det_inv = det.recip();
         let t = (u * az + v * bz + w * cz) * ray.shear[2] * det_inv;
         let inside = t.cmplt(Vec4::splat(t_max)) & met;
         if !inside.any() {
-            return Lanes { mask: 0, t, v, w, det_inv, doubt: 0 };
+            return Lanes::NONE;
         }
         let largest = |a: Vec4, b: Vec4, c: Vec4| a.abs().max(b.abs()).max(c.abs());
         let size = self.reach(ray).max(largest(az, bz, cz));
         let t_error = size * size * size * T_ERROR * det_inv.abs();
         let ahead = t.cmpgt(-t_error);
         let doubt = t.abs().cmple(t_error);
+        let [t, v, w, det_inv] = [t, v, w, det_inv].map(|lanes| lanes.to_array());
         Lanes { mask: (inside & ahead).bitmask(), t, v, w, det_inv, doubt: doubt.bitmask() }
     }
 
     /// Returns the largest translated coordinate of each lane.
     #[inline]
-    fn reach(&self, ray: &ShearedRay) -> Vec4 {
+    fn reach(&self, ray: &LaneRay) -> Vec4 {
         let mut reach = Vec4::ZERO;
         for corner in &self.corners {
             for (c, o) in corner.iter().zip(&ray.origin) {
@@ -131,7 +106,7 @@ impl Packet {
 
     /// Returns a corner in the frame of the ray; z still lacks its factor.
     #[inline]
-    fn sheared(&self, corner: usize, ray: &ShearedRay) -> [Vec4; 3] {
+    fn sheared(&self, corner: usize, ray: &LaneRay) -> [Vec4; 3] {
         let [x, y, z] = ray.axes;
         let corner = &self.corners[corner];
         let depth = corner[z] - ray.origin[z];

@@ -216,3 +216,28 @@ fn range_of_the_ray_is_open() {
     assert!(closest(&bvh, &Ray { t_min: 2.0, ..ray }).is_none(), "not at the start");
     assert!(closest(&bvh, &Ray { t_min: 1.999, t_max: 2.001, ..ray }).is_some(), "between");
 }
+
+#[test]
+fn a_ray_does_not_meet_the_triangle_on_which_it_starts() {
+    let below = |y: f32| triangle(Vec3::new(-9.0, y, -9.0), Vec3::new(0.0, y, 9.0), Vec3::new(9.0, y, -9.0));
+    for cut_out in [false, true] {
+        let mut primitives = vec![below(0.0), below(-1.0)];
+        let Primitive::Triangle { cut_out: first, .. } = &mut primitives[0] else { panic!("a triangle") };
+        *first = cut_out;
+        let bvh = Bvh::new(&primitives);
+        // From a little above it, as rounding puts the origin sometimes.
+        let ray = Ray::new(Vec3A::Y * 1e-3, Vec3A::NEG_Y);
+        let from = Ray { from: 0, ..ray };
+        assert_eq!(closest(&bvh, &ray).map(|hit| hit.primitive), Some(0), "a ray from nowhere meets it");
+        assert_eq!(closest(&bvh, &from).map(|hit| hit.primitive), Some(1), "and one from it what is behind");
+        assert!(bvh.any(&ray, |_, _| None, |_| true) && bvh.any(&from, |_, _| None, |_| true), "both meet something");
+        let short = Ray { t_max: 0.5, ..from };
+        assert!(!bvh.any(&short, |_, _| None, |_| true), "but not itself");
+    }
+    let form = Primitive::Form(crate::Aabb::of_points(&[Vec3::splat(-1.0), Vec3::ONE]));
+    let bvh = Bvh::new(&[form]);
+    let inside = Ray { from: 0, ..Ray::new(Vec3A::ZERO, Vec3A::X) };
+    let other_side =
+        |primitive, ray: &Ray| Some(Hit { t: 1.0, primitive, barycentrics: glam::Vec2::ZERO, media: ray.media });
+    assert!(bvh.closest(&inside, other_side, |_| true).is_some(), "a free form may be met again");
+}

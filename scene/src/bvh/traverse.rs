@@ -1,16 +1,9 @@
 //! Rays through the tree: the nearest hit, or any.
 
-use glam::Vec4;
-
-use super::packet::{CUT_OUT, FORM, PRIMITIVE, ShearedRay};
-use super::{Bvh, Node};
+use super::Bvh;
+use super::lane_ray::LaneRay;
+use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
 use crate::{Hit, Ray};
-
-/// Boxes are left this much later than computed: three roundings (Ize 2013: Robust BVH Ray Traversal).
-const FAR_GROWTH: f32 = 1.0 + 4.0 * f32::EPSILON;
-
-/// Direction components below this are taken as this: their inverse stays finite, and 0 times infinity never occurs.
-const MIN_COMPONENT: f32 = 1e-30;
 
 /// Enough for small scenes; it is cleared for each ray.
 const SMALL_STACK: usize = 24;
@@ -21,37 +14,6 @@ const LARGE_STACK: usize = 400;
 
 /// A node that waits and where the ray enters its box.
 type Waiting = (u32, f32);
-
-/// A ray in the form in which boxes want it.
-struct BoxRay {
-    origin: [Vec4; 3],
-    inverse: [Vec4; 3],
-    /// For each axis, whether the ray runs downwards: the index of the side at which it enters.
-    side: [usize; 3],
-}
-
-impl BoxRay {
-    #[inline]
-    fn new(ray: &Ray) -> Self {
-        let d = ray.direction.to_array();
-        let safe = d.map(|x| if x.abs() < MIN_COMPONENT { MIN_COMPONENT.copysign(x) } else { x });
-        Self {
-            origin: ray.origin.to_array().map(Vec4::splat),
-            inverse: safe.map(|x| Vec4::splat(1.0 / x)),
-            side: d.map(|x| usize::from(x.is_sign_negative())),
-        }
-    }
-
-    /// Returns where the ray enters the four boxes, and which of them it meets in (`t_min`, `t_max`).
-    #[inline]
-    fn meet(&self, node: &Node, t_min: f32, t_max: f32) -> (Vec4, u32) {
-        let near = |axis: usize| (node.bounds[self.side[axis] & 1][axis] - self.origin[axis]) * self.inverse[axis];
-        let far = |axis: usize| (node.bounds[(self.side[axis] & 1) ^ 1][axis] - self.origin[axis]) * self.inverse[axis];
-        let enter = near(0).max(near(1)).max(near(2)).max(Vec4::splat(t_min));
-        let leave = (far(0).min(far(1)).min(far(2)) * FAR_GROWTH).min(Vec4::splat(t_max));
-        (enter, enter.cmple(leave).bitmask())
-    }
-}
 
 impl Bvh {
     /// Returns the nearest hit.
@@ -66,8 +28,8 @@ impl Bvh {
     ) -> Option<Hit> {
         let mut nearest = None;
         let mut range = *ray;
-        self.traverse::<false>(ray, |bvh, packet, sheared| {
-            if let Some(hit) = bvh.meet_packet::<false>(packet, &range, sheared, &form, &keep) {
+        self.traverse::<false>(ray, |bvh, packet, lanes| {
+            if let Some(hit) = bvh.meet_packet::<false>(packet, &range, lanes, &form, &keep) {
                 range.t_max = hit.t;
                 nearest = Some(hit);
             }
@@ -80,8 +42,8 @@ impl Bvh {
     #[inline]
     pub(crate) fn any(&self, ray: &Ray, form: impl Fn(u32, &Ray) -> Option<Hit>, keep: impl Fn(&Hit) -> bool) -> bool {
         let mut found = false;
-        self.traverse::<true>(ray, |bvh, packet, sheared| {
-            found = bvh.meet_packet::<true>(packet, ray, sheared, &form, &keep).is_some();
+        self.traverse::<true>(ray, |bvh, packet, lanes| {
+            found = bvh.meet_packet::<true>(packet, ray, lanes, &form, &keep).is_some();
             if found { f32::NEG_INFINITY } else { ray.t_max }
         });
         found
@@ -89,7 +51,7 @@ impl Bvh {
 
     /// Calls `leaf` with the packets that the ray may meet, about from near to far; `leaf` returns how far is still of interest.
     #[inline]
-    fn traverse<const ANY: bool>(&self, ray: &Ray, leaf: impl FnMut(&Self, usize, &ShearedRay) -> f32) {
+    fn traverse<const ANY: bool>(&self, ray: &Ray, leaf: impl FnMut(&Self, usize, &LaneRay) -> f32) {
         if self.nodes.is_empty() || !ray.is_valid() {
             return;
         }
@@ -111,22 +73,23 @@ impl Bvh {
         &self,
         stack: &mut [Waiting],
         ray: &Ray,
-        mut leaf: impl FnMut(&Self, usize, &ShearedRay) -> f32,
+        mut leaf: impl FnMut(&Self, usize, &LaneRay) -> f32,
     ) {
-        let boxes = BoxRay::new(ray);
-        let sheared = ShearedRay::new(ray);
+        let lanes = LaneRay::new(ray);
         let mut t_max = ray.t_max;
         let mut waiting = 0;
         let mut node = &self.nodes[0];
         loop {
-            let (enter, mask) = boxes.meet(node, ray.t_min, t_max);
+            let (enter, mask) = lanes.meet(node, ray.t_min, t_max);
+            // Lanes of an array are loads; those of a vector are a jump that nobody can predict.
+            let enter = enter.to_array();
             // Leaves first: a hit there spares the rest, and nothing has to wait for it.
             let mut leaves = mask & node.leaves;
             while leaves != 0 {
                 let lane = leaves.trailing_zeros() as usize & 3;
                 leaves &= leaves - 1;
                 if enter[lane] <= t_max {
-                    t_max = leaf(self, node.children[lane] as usize, &sheared);
+                    t_max = leaf(self, node.children[lane] as usize, &lanes);
                 }
             }
             let first = waiting;
@@ -164,19 +127,22 @@ impl Bvh {
         &self,
         packet: usize,
         ray: &Ray,
-        sheared: &ShearedRay,
+        lanes: &LaneRay,
         form: &impl Fn(u32, &Ray) -> Option<Hit>,
         keep: &impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
         let packet = &self.packets[packet];
-        let lanes = packet.meet(sheared, ray.t_max);
+        let met = packet.meet(lanes, ray.t_max);
         let mut nearest: Option<Hit> = None;
         let mut t_max = ray.t_max;
-        let mut mask = lanes.mask;
+        let mut mask = met.mask;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & 3;
             mask &= mask - 1;
-            let (t, barycentrics) = packet.hit(lane, &lanes, ray);
+            if packet.primitives[lane] & !CUT_OUT == ray.from {
+                continue;
+            }
+            let (t, barycentrics) = packet.hit(lane, &met, ray);
             let hit = Hit { t, primitive: packet.primitives[lane] & PRIMITIVE, barycentrics, media: ray.media };
             if t > ray.t_min && t < t_max && (packet.primitives[lane] & CUT_OUT == 0 || keep(&hit)) {
                 t_max = t;
@@ -186,21 +152,30 @@ impl Bvh {
                 }
             }
         }
-        if !self.has_forms {
-            return nearest;
-        }
-        for lane in packet.primitives {
-            if lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE {
-                let primitive = lane & PRIMITIVE;
-                if let Some(hit) = form(primitive, &Ray { t_max, ..*ray }) {
-                    t_max = hit.t;
-                    nearest = Some(hit);
-                    if ANY {
-                        return nearest;
-                    }
+        if self.has_forms { meet_forms::<ANY>(packet, ray, form, nearest) } else { nearest }
+    }
+}
+
+/// Returns the nearest hit of a packet's free forms or the `nearest` so far, or any one.
+#[cold]
+fn meet_forms<const ANY: bool>(
+    packet: &Packet,
+    ray: &Ray,
+    form: &impl Fn(u32, &Ray) -> Option<Hit>,
+    mut nearest: Option<Hit>,
+) -> Option<Hit> {
+    let mut t_max = nearest.map_or(ray.t_max, |hit| hit.t);
+    for lane in packet.primitives {
+        if lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE {
+            let primitive = lane & PRIMITIVE;
+            if let Some(hit) = form(primitive, &Ray { t_max, ..*ray }) {
+                t_max = hit.t;
+                nearest = Some(hit);
+                if ANY {
+                    return nearest;
                 }
             }
         }
-        nearest
     }
+    nearest
 }
