@@ -202,7 +202,8 @@ impl CellBuilder<'_> {
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
             let ways = LightWays { count: 1, choice: None, sky: self.sky };
-            row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, ways, sampler.next_4d(), &mut row.rays) * pi;
+            let u = sampler.next_4d_for(self.scene.lights().count() > 1);
+            row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, ways, u, &mut row.rays) * pi;
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
             }

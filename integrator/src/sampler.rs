@@ -118,9 +118,22 @@ impl Sampler {
         sobol_burley::sample_4d(self.index, 0, seed)
     }
 
+    /// Returns a pair between two numbers of which a choice is made: these are 1/2 where there is no `choice`, and the pair costs less then.
+    pub(crate) fn next_4d_for(&mut self, choice: bool) -> [f32; 4] {
+        if choice {
+            return self.next_4d();
+        }
+        let pair = self.next_pair();
+        [0.5, pair.x, pair.y, 0.5]
+    }
+
     /// Returns a pair of its own, stratified as well as two numbers can be: of 2^k samples from a multiple of 2^k on, each elementary interval of the
     /// square holds its share (a (0, 2)-sequence). Costs half of [`Sampler::next_4d`].
     pub fn next_pair(&mut self) -> Vec2 {
+        if self.is_alone {
+            let [x, y, ..] = self.next_4d();
+            return Vec2::new(x, y);
+        }
         let seed = hash_pair(self.bounce_key, u64::from(self.block));
         self.block += 1;
         self.used = 4;
@@ -267,6 +280,17 @@ mod tests {
                 assert_eq!(met, u64::MAX, "pixel {pixel}, {columns} x {rows}");
             }
         }
+    }
+
+    #[test]
+    fn no_choice_leaves_the_pair() {
+        let sampler = Sampler::new(1, 2, 3);
+        let pair = sampler.clone().next_pair();
+        assert_eq!(sampler.clone().next_4d_for(false), [0.5, pair.x, pair.y, 0.5]);
+        assert_eq!(sampler.clone().next_4d_for(true), sampler.clone().next_4d());
+        let alone = Sampler::alone(1, 2);
+        let [x, y, ..] = alone.clone().next_4d();
+        assert_eq!(alone.clone().next_pair(), Vec2::new(x, y), "which one alone has the cheap way");
     }
 
     #[test]

@@ -63,7 +63,8 @@ pub(crate) fn walk(
         if taken != Taken::All || bsdf.has_glossy() {
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
             let ways = LightWays { count: candidates, choice: None, sky: None };
-            visitor.add(beta * direct_light(scene, &shading, lobes, ways, sampler.next_4d(), rays));
+            let u = sampler.next_4d_for(candidates > 1 || scene.lights().count() > 1);
+            visitor.add(beta * direct_light(scene, &shading, lobes, ways, u, rays));
         }
         if taken != Taken::All && scene.features().emissive_unsampled {
             visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_2d(), rays));
@@ -71,7 +72,9 @@ pub(crate) fn walk(
         if taken == Taken::All && bsdf.specular == Specular::None {
             break;
         }
-        let [mut u_lobe, u, v, u_roulette] = sampler.next_4d();
+        let has_choice =
+            taken == Taken::Nothing || bounce >= ROULETTE_START || matches!(bsdf.specular, Specular::Dielectric { .. });
+        let [mut u_lobe, u, v, u_roulette] = sampler.next_4d_for(has_choice);
         let mut lobe = Lobes::SPECULAR;
         if taken == Taken::Nothing {
             let caustic = visitor.caustic_irradiance(&shading.surface) * std::f32::consts::FRAC_1_PI;
