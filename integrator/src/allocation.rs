@@ -130,8 +130,8 @@ pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[First
     needs.into_iter().map(|need| 1 << doublings(need, low) as u32).collect()
 }
 
-/// The pixels around one, itself left out.
-fn neighbours(pixel: usize, width: usize, count: usize) -> impl Iterator<Item = usize> {
+/// The pixels, or texels, around one of `count` in rows of `width`, itself left out.
+pub(crate) fn neighbours(pixel: usize, width: usize, count: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (pixel % width, pixel / width);
     let rows = y.saturating_sub(1)..(y + 2).min(count / width);
     let columns = move || x.saturating_sub(1)..(x + 2).min(width);

@@ -6,6 +6,7 @@ use radcache::Samples;
 use reproject::{Traced, Tracer};
 use scene::{Bsdf, Scene, Specular, Surface};
 
+use crate::allocation::neighbours;
 use crate::sampler::{Rng, Sampler, hash_pair};
 use crate::secondary::{Follower, Secondary};
 use crate::sky::{SkySplit, soft_background};
@@ -73,10 +74,15 @@ impl<S: Secondary> Gatherer<'_, S> {
             for number in 0..count {
                 let stream = hash_pair(key, texel as u64);
                 let mut sampler = Sampler::new(self.seed ^ FURTHER_STREAM, stream, number);
-                let u = (place + sampler.next_2d()) / n as f32;
-                let wi = frame.to_world(hemimap::square_to_cosine_hemisphere(u));
+                let jitter = sampler.next_2d();
+                let wi = frame.to_world(hemimap::square_to_cosine_hemisphere((place + jitter) / n as f32));
                 let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
                 parts[usize::from(traced.distance.is_infinite())] += traced.radiance;
+                // What the sky ends at is in front of it, and moves over it when the place does.
+                if samples.distance[texel].is_infinite() && traced.distance.is_finite() {
+                    samples.set_jitter(texel, jitter);
+                    samples.set(texel, first, traced.distance, frame.to_local(traced.normal));
+                }
             }
             rays.gather += u64::from(count);
             let sum = parts[0] + parts[1];
@@ -137,12 +143,7 @@ fn settle_highlights(samples: &mut Samples) {
 /// a say, the mean would be biased.
 fn further_rays(samples: &Samples, is_glossy: &[bool], has_sky: bool) -> Vec<u32> {
     let n = samples.resolution();
-    let around = |texel: usize| {
-        let (i, j) = (texel % n, texel / n);
-        let rows = j.saturating_sub(1)..(j + 2).min(n);
-        let square = rows.flat_map(move |y| (i.saturating_sub(1)..(i + 2).min(n)).map(move |x| y * n + x));
-        square.filter(move |&other| other != texel)
-    };
+    let around = |texel: usize| neighbours(texel, n, n * n);
     let sum: Vec3 = samples.radiance.iter().sum();
     let shines_beside = |texel: usize| {
         let mean = (sum - samples.radiance[texel]).max_element() / (n * n - 1) as f32;
@@ -208,8 +209,48 @@ const HOLE_STREAM: u64 = 0x686f_6c65;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::secondary::NoSecondary;
+    use crate::secondary::tests::square;
+    use scene::{Description, Environment, Material, Mesh, Ray};
 
     const N: usize = 6;
+
+    #[test]
+    fn texels_that_show_the_sky_and_what_ends_it_stand_where_that_does() {
+        // A dark roof 1 m above a floor, under an even sky.
+        let mesh = Mesh {
+            positions: [square(5.0, 0.0), square(0.5, 1.0)].concat(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
+            materials: vec![0; 4],
+            ..Mesh::default()
+        };
+        let black = Material { diffuse: Vec3::ZERO, ..Material::default() };
+        let environment = Some(Environment::from_pixels(4, 2, vec![Vec3::ONE; 8]));
+        let description =
+            Description { meshes: vec![mesh], materials: vec![black], environment, ..Description::default() };
+        let scene = Scene::new(description).unwrap();
+        let down = Ray::new(Vec3A::new(0.1, 0.5, -0.05), Vec3A::NEG_Y);
+        let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
+        let sky = SkySplit::new(&scene);
+        let gatherer = Gatherer { scene: &scene, secondary: &NoSecondary, sky: sky.as_ref(), seed: 1 };
+        let frame = Frame::from_normal(floor.n);
+        let mut mixed = 0;
+        for key in 0..8 {
+            let samples = gatherer.gather(&floor, &frame, 16, key, &mut RayCounts::default());
+            for (texel, point) in samples.points().into_iter().enumerate() {
+                let radiance = samples.radiance[texel].x;
+                if radiance > 0.0 && radiance < 1.0 {
+                    mixed += 1;
+                    assert!(
+                        (point.z - 1.0).abs() < 1e-4,
+                        "a texel of radiance {radiance} is at {point}, not on the roof"
+                    );
+                    assert_eq!(samples.background_share[texel], 1.0, "its light is that of the sky");
+                }
+            }
+        }
+        assert!(mixed > 8 * 16, "the rim of the roof goes through many texels: {mixed}");
+    }
 
     fn even() -> Samples {
         let mut samples = Samples::new(N);

@@ -109,7 +109,7 @@ impl TexelEdges {
             for (rotation, difference) in sum.rotation.iter_mut().zip(difference) {
                 add(rotation, edge.circle, difference);
             }
-            let [left, right] = [left.owner, right.owner];
+            let [left, right] = [left.nearest, right.nearest];
             let nearer = if samples.distance[left] <= samples.distance[right] { left } else { right };
             let distance = samples.distance[nearer];
             if distance.is_infinite() {
@@ -130,22 +130,21 @@ impl TexelEdges {
     /// The blocks of a gather, row by row.
     fn blocks(&self, samples: &Samples) -> Vec<Block> {
         let Self { n, step, .. } = *self;
-        let owners = owners(samples);
         let starts = || (0..n).step_by(step);
         let corners = starts().flat_map(|j| starts().map(move |i| (i, j)));
         corners
             .map(|(i, j)| {
                 let rows = j..n.min(j + step);
                 let texels = rows.flat_map(|y| y * n + i..y * n + n.min(i + step));
-                let mut block = Block { parts: [Vec3::ZERO; 2], owner: owners[j * n + i] };
+                let mut block = Block { parts: [Vec3::ZERO; 2], nearest: j * n + i };
                 let mut count = 0.0;
-                for (texel, owner) in texels.map(|texel| (texel, owners[texel])) {
+                for texel in texels {
                     let (radiance, share) = (samples.radiance[texel], samples.background_share[texel]);
                     block.parts[0] += radiance * (1.0 - share);
                     block.parts[1] += radiance * share;
                     count += 1.0;
-                    if samples.distance[owner] < samples.distance[block.owner] {
-                        block.owner = owner;
+                    if samples.distance[texel] < samples.distance[block.nearest] {
+                        block.nearest = texel;
                     }
                 }
                 block.parts = block.parts.map(|part| part / count);
@@ -160,8 +159,8 @@ impl TexelEdges {
 struct Block {
     /// Mean radiance of what stands at a distance, and of the soft sky.
     parts: [Vec3; 2],
-    /// The texel whose hit the edges lie on, if that is the nearer one of both sides: the nearest.
-    owner: usize,
+    /// The texel whose hit the edges lie on, if that is the nearer one of both sides.
+    nearest: usize,
 }
 
 impl Edge {
@@ -212,25 +211,6 @@ fn edge_derivatives(r0: Vec3A, r1: Vec3A) -> (Vec2, Symmetric) {
         second += of_first * inv * r.truncate();
     }
     (swept * first, Symmetric::mixed(swept, second).scaled(2.0))
-}
-
-/// The texel whose hit an edge of each texel lies on, if that is the nearer one: itself, but for one that shows the sky and the frame
-/// around it. The edge between those moves with the frame, whatever the texel's first ray met, so the nearest of its neighbours
-/// stands for it.
-fn owners(samples: &Samples) -> Vec<usize> {
-    let n = samples.resolution();
-    let nearest_beside = |texel: usize| {
-        let (i, j) = (texel % n, texel / n);
-        let rows = j.saturating_sub(1)..(j + 2).min(n);
-        let around = rows.flat_map(|y| (i.saturating_sub(1)..(i + 2).min(n)).map(move |x| y * n + x));
-        around.fold(texel, |best, other| if samples.distance[other] < samples.distance[best] { other } else { best })
-    };
-    (0..n * n)
-        .map(|texel| {
-            let is_mixed = samples.distance[texel].is_infinite() && samples.background_share[texel] < 1.0;
-            if is_mixed { nearest_beside(texel) } else { texel }
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -409,7 +389,7 @@ mod tests {
 
     #[test]
     fn sky_moves_with_the_frame_that_shows_it() {
-        // A hole in a black roof, with the sky behind: the edges are those of the roof, also where a texel at the rim is seen as sky.
+        // A hole in a black roof, with the sky behind: the edges are those of the roof, also where a texel at the rim shows both.
         let n = 64;
         let mut window = Samples::from_fn(n, |wi| {
             if is_in_square(wi) { (Vec3::ONE, f32::INFINITY, -wi) } else { (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z) }
@@ -419,11 +399,11 @@ mod tests {
         let sharp = derivatives(&window).translation;
         assert_eq!(sharp[0], [Vec3::ZERO; 2], "none of it stands at a distance");
         assert!((reds(sharp[1]) - gradient).length() < 0.02 * gradient.length(), "{:?}", sharp[1]);
-        // The rim as several rays a texel find it: half of its light, all of that from infinity, and sky by its first ray.
+        // The rim as several rays a texel find it: half of its light, all of that from infinity, and the roof before it.
         let is_sky: Vec<bool> = window.distance.iter().map(|d| d.is_infinite()).collect();
         for texel in n..n * n - n {
             if is_sky[texel] && !(is_sky[texel + 1] && is_sky[texel - 1] && is_sky[texel + n] && is_sky[texel - n]) {
-                window.radiance[texel] = Vec3::splat(0.5);
+                window.set(texel, Vec3::splat(0.5), 1.0 / window.direction(texel).z, Vec3A::NEG_Z);
                 window.background_share[texel] = 0.5;
             }
         }
