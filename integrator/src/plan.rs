@@ -120,7 +120,8 @@ impl Plan {
                 layers: study.layers.unwrap_or(32) as usize,
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
-            spacing: study.spacing.unwrap_or(0.2),
+            // A look is dear where the sky is in it, for its rim takes more rays.
+            spacing: study.spacing.unwrap_or(if features.environment { 0.15 } else { 0.08 }),
             // The sky between near things ends more sharply than the Hessian of so few texels tells.
             error: if settings.method == Method::Reproject && features.environment { 0.5 * error } else { error },
             // They cost less, so there are more of them.

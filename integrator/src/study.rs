@@ -23,7 +23,7 @@ pub struct Study {
     pub layers: Option<u32>,
     /// Texels along a side of an s-element at most, 1 to 64; 1 merges nothing.
     pub merge: Option<u32>,
-    /// Texels along a side of the block that a hole ray stands for, 1 to 64.
+    /// Texels along a side of the block that a hole ray stands for at most, 1 to 64: points with few holes take smaller ones.
     pub step: Option<u32>,
     /// Verification rays along a side, 0 to 8; 0 verifies nothing.
     pub verify: Option<u32>,

@@ -19,7 +19,7 @@ use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
 use crate::plan::Plan;
-use crate::sampler::hash;
+use crate::sampler::{hash, hash_pair};
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
 use crate::surface_points::SurfacePoint;
@@ -220,13 +220,15 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let Buffers { workspace, weights, samples } = buffers;
         let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.reproject);
         let takes_texture = needs_texture(&point.shading, self.plan);
-        if !takes_texture && !self.repays(shares.holes, workspace.resolution(), look_n) {
+        let hole_step = self.hole_step(shares.holes, workspace.resolution(), look_n);
+        if !takes_texture && hole_step.is_none() {
             let mut rays = RayCounts::default();
             let (_, _, look) = self.look_for_itself(point, look_n, weights, &mut rays);
             self.tell(point, || Step::Gathered { resolution: look_n, record: None });
             return Answer::Looked(look, rays);
         }
-        let (holds, verdict, second_verdict) = self.verify(workspace, record, point, &mut tracer);
+        let seed = hash_pair(self.gatherer.seed, point.key);
+        let (holds, verdict, second_verdict) = self.verify(workspace, record, seed, &mut tracer);
         if !holds {
             let verdict = second_verdict.unwrap_or(verdict);
             self.tell(point, || Step::Refused { record: RecordFacts::new(record, surface.p), verdict });
@@ -236,11 +238,11 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         if takes_texture {
             self.weigh(&point.shading, &frame, workspace.resolution(), point.key, weights);
         }
-        let step = self.plan.reproject.step;
+        let step = hole_step.unwrap_or(self.plan.reproject.step);
         let hole_rays = if point.shading.bsdf.has_diffuse() {
-            workspace.trace_holes(step, point.key, &mut tracer)
+            workspace.trace_holes(step, seed, &mut tracer)
         } else {
-            workspace.trace_holes_under(weights, step, point.key, &mut tracer)
+            workspace.trace_holes_under(weights, step, seed, &mut tracer)
         };
         self.tell(point, || {
             let record = RecordFacts::new(record, surface.p);
@@ -267,7 +269,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         &self,
         workspace: &mut Workspace,
         record: &Record,
-        point: &SurfacePoint,
+        seed: u64,
         tracer: &mut PointTracer<'_, S>,
     ) -> (bool, Verdict, Option<Verdict>) {
         /// Half of the first rays are in doubt...
@@ -279,11 +281,11 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return (true, Verdict::default(), None);
         }
         let share = |verdict: Verdict| verdict.wrong as f32 / verdict.asked.max(1) as f32;
-        let first = workspace.verify(record, side, point.key, tracer);
+        let first = workspace.verify(record, side, seed, tracer);
         if first.asked > 0 && share(first) < DOUBT {
             return (true, first, None);
         }
-        let second = workspace.verify(record, 2 * side, point.key, tracer);
+        let second = workspace.verify(record, 2 * side, seed, tracer);
         (share(second) < REFUSED, first, Some(second))
     }
 
@@ -306,7 +308,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let holes = marked / samples.view_dependent.len() as f32;
         let is_worth = needs_texture(&point.shading, self.plan)
             || !self.plan.highlights
-            || self.repays(holes, self.plan.n, look_n);
+            || self.hole_step(holes, self.plan.n, look_n).is_some();
         // What one texel shows or not, elements cannot carry to other places.
         if !is_worth || validity.radius(&samples) <= enough || irradiance_cache::is_lit_by_few(&samples) {
             self.tell(point, || Step::Gathered { resolution: samples.resolution(), record: None });
@@ -325,12 +327,9 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         (Some(record), look, rays)
     }
 
-    /// Whether a reprojection of n x n texels with this share of holes takes so few rays that a look is not the better use of them.
-    fn repays(&self, holes: f32, n: usize, look_n: usize) -> bool {
-        /// The rays that it may take, as a share of those of the look: what so few rays see of the holes has the noise of a look.
-        const WORTH: f32 = 0.5;
-        let side = n as f32 / self.plan.reproject.step as f32;
-        holes * side * side <= WORTH * (look_n * look_n) as f32
+    /// [`hole_step`] of a reprojection of n x n texels.
+    fn hole_step(&self, holes: f32, n: usize, look_n: usize) -> Option<u32> {
+        hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.reproject.step)
     }
 
     /// What a point sees by `look_n x look_n` rays of its own, in which frame, and what it has of that.
@@ -375,5 +374,33 @@ impl<S: Secondary> IndirectTerm<'_, S> {
 
     fn weigh(&self, shading: &Shading, frame: &Frame, n: usize, key: u64, weights: &mut Vec<Vec3>) {
         lobe_weights(shading, frame, n, self.plan.lobe_samples, key, weights);
+    }
+}
+
+/// The side of the smallest blocks of texels, up to `most`, for which a ray a block through so many texels of holes is a better use of rays than a look of
+/// so many; `None` where the look is.
+fn hole_step(texels: f32, look_rays: f32, most: u32) -> Option<u32> {
+    /// The rays that holes may take, as a share of those of a look: what so few rays see of the holes has the noise of a look.
+    const WORTH: f32 = 0.5;
+    (1..=most).find(|step| texels / (step * step) as f32 <= WORTH * look_rays)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hole_step;
+
+    #[test]
+    fn holes_are_looked_through_as_finely_as_half_of_a_look_allows() {
+        for (texels, most, expected) in [
+            (0.0, 2, Some(1)),
+            (200.0, 2, Some(1)),
+            (201.0, 2, Some(2)),
+            (800.0, 2, Some(2)),
+            (801.0, 2, None),
+            (801.0, 3, Some(3)),
+            (201.0, 1, None),
+        ] {
+            assert_eq!(hole_step(texels, 400.0, most), expected, "{texels} texels, blocks of up to {most}");
+        }
     }
 }
