@@ -69,8 +69,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         for (texel, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
             let mut parts = [Vec3::ZERO; 2];
-            let first = samples.radiance[texel];
-            parts[usize::from(samples.distance[texel].is_infinite())] += first;
+            let (first, shows_sky) = (samples.radiance[texel], samples.distance[texel].is_infinite());
+            parts[usize::from(shows_sky)] += first;
             for number in 0..count {
                 let stream = hash_pair(key, texel as u64);
                 let mut sampler = Sampler::new(self.seed ^ FURTHER_STREAM, stream, number);
@@ -79,7 +79,7 @@ impl<S: Secondary> Gatherer<'_, S> {
                 let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
                 parts[usize::from(traced.distance.is_infinite())] += traced.radiance;
                 // What the sky ends at is in front of it, and moves over it when the place does.
-                if samples.distance[texel].is_infinite() && traced.distance.is_finite() {
+                if shows_sky && traced.distance < samples.distance[texel] {
                     samples.set_jitter(texel, jitter);
                     samples.set(texel, first, traced.distance, frame.to_local(traced.normal));
                 }

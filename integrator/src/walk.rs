@@ -72,8 +72,7 @@ pub(crate) fn walk(
         if taken == Taken::All && bsdf.specular == Specular::None {
             break;
         }
-        let has_choice =
-            taken == Taken::Nothing || bounce >= ROULETTE_START || matches!(bsdf.specular, Specular::Dielectric { .. });
+        let has_choice = bounce >= ROULETTE_START || bsdf.has_choice();
         let [mut u_lobe, u, v, u_roulette] = sampler.next_4d_for(has_choice);
         let mut lobe = Lobes::SPECULAR;
         if taken == Taken::Nothing {

@@ -64,7 +64,7 @@ impl Samples {
         samples
     }
 
-    /// Moves the ray of a texel to `jitter` in [0, 1)^2 of the texel, before it is traced.
+    /// Moves the ray of a texel to `jitter` in [0, 1)^2 of the texel: [`Self::direction`] follows.
     pub fn set_jitter(&mut self, texel: usize, jitter: Vec2) {
         self.jitter[texel] = jitter;
     }

@@ -44,7 +44,8 @@ const SHADOW_MARGIN: f32 = 1e-4;
 const MIN_COSINE: f32 = 1e-3;
 
 impl Surface {
-    /// Returns a ray from this point along the unit vector `direction`, started on the side of the surface to which it goes.
+    /// Returns a ray from this point along the unit vector `direction`, started on the side of the surface to which it goes. It does not meet the triangle that it
+    /// leaves.
     #[inline]
     #[must_use]
     pub fn spawn(&self, direction: Vec3A) -> Ray {

@@ -65,8 +65,11 @@ fn offset_does_not_change_the_picture() {
             let surface = scene.surface(&ray, &hit);
             let frame = hemimap::Frame::from_normal(surface.ng);
             let up = frame.to_world(hemimap::square_to_cosine_hemisphere(random.pair()));
-            assert!(!scene.occluded(&surface.spawn(up)), "blocked at {} towards {up}", surface.p);
-            assert!(!scene.occluded(&surface.spawn(-up)), "blocked at {} on the way through", surface.p);
+            for (way, name) in [(up, "towards"), (-up, "through to")] {
+                let ray = surface.spawn(way);
+                assert!(!scene.occluded(&Ray { from: Ray::NOWHERE, ..ray }), "blocked at {} {name} {way}", surface.p);
+                assert_eq!(ray.from, hit.primitive, "which it passes over besides");
+            }
             let above = surface.spawn(surface.ng).origin + 0.1 * surface.ng;
             assert!(scene.occluded(&Ray::new(above, -surface.ng)), "it does block others");
         }
@@ -88,8 +91,10 @@ fn grazing_rays_neither_leak_nor_hit_what_they_leave() {
             let surface = met(&scene, &ray);
             assert!(surface.front, "from above");
             let up = Vec3A::new(down.x, -down.y, down.z);
-            assert!(!scene.occluded(&surface.spawn(up)), "reflected at {angle}");
-            assert!(!scene.occluded(&surface.spawn(down)), "through at {angle}");
+            // By its offset alone.
+            let spawn = |way| Ray { from: Ray::NOWHERE, ..surface.spawn(way) };
+            assert!(!scene.occluded(&spawn(up)), "reflected at {angle}");
+            assert!(!scene.occluded(&spawn(down)), "through at {angle}");
         }
     }
 }
@@ -104,6 +109,7 @@ fn shadow_rays_end_before_their_light() {
         let surface = met(&scene, &ray);
         let light = Vec3A::new(random.next(), 1.0, random.next());
         assert!(!scene.occluded(&surface.spawn_to(light)), "{} to {light}", surface.p);
+        assert_eq!(surface.spawn_to(light).from, surface.primitive, "which it passes over");
         assert!(
             scene.occluded(&surface.spawn_to(light + (light - surface.p))),
             "something stands before what is farther"

@@ -404,7 +404,7 @@ mod tests {
         for texel in n..n * n - n {
             if is_sky[texel] && !(is_sky[texel + 1] && is_sky[texel - 1] && is_sky[texel + n] && is_sky[texel - n]) {
                 window.set(texel, Vec3::splat(0.5), 1.0 / window.direction(texel).z, Vec3A::NEG_Z);
-                window.background_share[texel] = 0.5;
+                window.background_share[texel] = 1.0;
             }
         }
         let soft = derivatives(&window).translation;

@@ -20,7 +20,7 @@ use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
 use crate::plan::Plan;
 use crate::sampler::{hash, hash_pair};
-use crate::secondary::{Secondary, Shading};
+use crate::secondary::Secondary;
 use crate::statistics::RayCounts;
 use crate::surface_points::SurfacePoint;
 
@@ -227,7 +227,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             self.tell(point, || Step::Gathered { resolution: look_n, record: None });
             return Answer::Looked(look, rays);
         }
-        let seed = hash_pair(self.gatherer.seed, point.key);
+        let seed = self.seed(point);
         let (holds, verdict, second_verdict) = self.verify(workspace, record, seed, &mut tracer);
         if !holds {
             let verdict = second_verdict.unwrap_or(verdict);
@@ -236,7 +236,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         }
         let frame = workspace.frame();
         if takes_texture {
-            self.weigh(&point.shading, &frame, workspace.resolution(), point.key, weights);
+            self.weigh(point, &frame, workspace.resolution(), weights);
         }
         let step = hole_step.unwrap_or(self.plan.reproject.step);
         let hole_rays = if point.shading.bsdf.has_diffuse() {
@@ -353,7 +353,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let [near, sky] = mean;
         let mut incident = Incident { near, sky, glossy: Vec3::ZERO };
         if needs_texture(&point.shading, self.plan) {
-            self.weigh(&point.shading, frame, samples.resolution(), point.key, weights);
+            self.weigh(point, frame, samples.resolution(), weights);
             let texels = samples.radiance.iter().zip(&samples.background_share).zip(weights.iter());
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
             incident.glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
@@ -372,8 +372,13 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         }
     }
 
-    fn weigh(&self, shading: &Shading, frame: &Frame, n: usize, key: u64, weights: &mut Vec<Vec3>) {
-        lobe_weights(shading, frame, n, self.plan.lobe_samples, key, weights);
+    /// Names a point to generators of random numbers.
+    fn seed(&self, point: &SurfacePoint) -> u64 {
+        hash_pair(self.gatherer.seed, point.key)
+    }
+
+    fn weigh(&self, point: &SurfacePoint, frame: &Frame, n: usize, weights: &mut Vec<Vec3>) {
+        lobe_weights(&point.shading, frame, n, self.plan.lobe_samples, self.seed(point), weights);
     }
 }
 

@@ -157,7 +157,6 @@ impl Bvh {
 }
 
 /// Returns the nearest hit of a packet's free forms or the `nearest` so far, or any one.
-#[cold]
 fn meet_forms<const ANY: bool>(
     packet: &Packet,
     ray: &Ray,
