@@ -73,11 +73,12 @@ impl Plan {
         let secondary = study.secondary.unwrap_or_default();
         let texture_alpha = study.texture_alpha.unwrap_or(0.5);
         let has_textures = features.widest_metal >= texture_alpha.max(f32::MIN_POSITIVE);
-        // The rim of a window in the sky and a lobe need more texels than irradiance does.
-        let (record_n, look_n) = match (features.environment, has_textures) {
-            (true, _) => (48.0, 24.0),
-            (false, true) => (40.0, 20.0),
-            (false, false) => (32.0, 20.0),
+        // The rim of a window in the sky and a lobe need more texels than irradiance does. Where a point may look for itself instead, by which it sees more for
+        // the same time, records of radiance reach less far: least where a look is cheap, as it is not with the rim of a sky in it.
+        let (record_n, look_n, spacing) = match (features.environment, has_textures) {
+            (true, _) => (48.0, 24.0, 0.15),
+            (false, true) => (40.0, 20.0, 0.2),
+            (false, false) => (32.0, 20.0, 0.08),
         };
         // With a cache, twice the time is shared by the number of records and by their rays.
         let with_cache = |base: f32| round(base * quality.sqrt().sqrt(), 8.0, 64.0);
@@ -120,8 +121,7 @@ impl Plan {
                 layers: study.layers.unwrap_or(32) as usize,
                 merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
             },
-            // Farther away, own looks tell more for the same time: measured in the study scenes and in `modern-hall`. They are dear where the sky is in them, as its rim takes more rays.
-            spacing: study.spacing.unwrap_or(if features.environment { 0.15 } else { 0.08 }),
+            spacing: study.spacing.unwrap_or(spacing),
             // The sky between near things ends more sharply than the Hessian of so few texels tells.
             error: if settings.method == Method::Reproject && features.environment { 0.5 * error } else { error },
             // They cost less, so there are more of them.
