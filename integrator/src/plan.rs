@@ -78,7 +78,7 @@ impl Plan {
         let (record_n, look_n, spacing) = match (features.environment, has_textures) {
             (true, _) => (48.0, 24.0, 0.15),
             (false, true) => (40.0, 20.0, 0.2),
-            (false, false) => (32.0, 20.0, 0.08),
+            (false, false) => (32.0, 20.0, 0.1),
         };
         // With a cache, twice the time is shared by the number of records and by their rays.
         let with_cache = |base: f32| round(base * quality.sqrt().sqrt(), 8.0, 64.0);
