@@ -20,11 +20,11 @@ pub(crate) struct Plane {
 impl Plane {
     /// The plane of element `e` for a point at `offset` from the record, whose frame `rotation` turns to that of the point.
     fn of(elements: &Elements, e: usize, offset: Vec3A, rotation: &Mat3A) -> Self {
-        let [a, b, c, d] = std::array::from_fn(|k| *rotation * (elements.corner(e, k) - offset));
-        let centre = (a + b + c + d) / 4.0;
+        let [a, b, c, d] = std::array::from_fn(|k| elements.corner(e, k));
+        let centre = (a + b + c + d) / 4.0 - offset;
         let normal = (c - a).cross(d - b).normalize_or(-centre.normalize_or(Vec3A::NEG_Z));
         let normal = if normal.dot(centre) > 0.0 { -normal } else { normal };
-        Self { normal, height: normal.dot(centre), far: centre.length() }
+        Self { normal: *rotation * normal, height: normal.dot(centre), far: centre.length() }
     }
 
     /// Distance along a unit direction through the element. Where a grazing plane would be met far from the element, as its outline

@@ -33,13 +33,7 @@ impl LaneRay {
         let is_tiny = length.cmplt(Vec3A::splat(MIN_COMPONENT));
         let safe = Vec3A::select(is_tiny, Vec3A::splat(MIN_COMPONENT).copysign(direction), direction);
         let inverse = (1.0 / safe).to_array();
-        let z = if length.x > length.y {
-            if length.x > length.z { 0 } else { 2 }
-        } else if length.y > length.z {
-            1
-        } else {
-            2
-        };
+        let z = length.max_position();
         let x = if z == 2 { 0 } else { z + 1 };
         let y = if x == 2 { 0 } else { x + 1 };
         let z_inverse = inverse[z];
