@@ -1,13 +1,13 @@
 //! Building the tree: boxes, obvhs, wide nodes, packets.
 
-use glam::{Vec3, Vec3A, Vec4};
+use fearless_simd::Level;
+use glam::{Vec3, Vec3A};
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::leaf_collapser::collapse;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
 use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
-use super::{Bvh, Node, median};
+use super::{Bvh, LANES, Node, median, widen};
 use crate::Aabb;
 
 /// Something to find.
@@ -33,10 +33,7 @@ const ULPS: f32 = 4.0;
 const PADDING: f32 = 4e-7;
 
 /// Deeper trees, which boxes within boxes make, are replaced by an even one.
-const MAX_DEPTH: usize = 128;
-
-/// Primitives in a leaf.
-const LANES: usize = 4;
+pub(super) const MAX_DEPTH: usize = 128;
 
 impl Bvh {
     /// Builds the tree over all primitives, numbered in their order. The same primitives give the same tree.
@@ -44,12 +41,12 @@ impl Bvh {
         let numbers: Vec<u32> =
             (0u32..).zip(primitives).filter(|(_, p)| !matches!(p, Primitive::Nothing)).map(|(i, _)| i).collect();
         if numbers.is_empty() {
-            return Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0, has_forms: false };
+            return Self { nodes: Vec::new(), packets: Vec::new(), level: Level::new(), has_forms: false };
         }
         let boxes = boxes(primitives, &numbers);
         let binary = if clusters_badly(&boxes) { median::split(&boxes) } else { clustered(&boxes) };
         let binary = if depth(&binary) > MAX_DEPTH { median::split(&boxes) } else { binary };
-        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), stack_size: 0, has_forms: false };
+        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), level: Level::new(), has_forms: false };
         bvh.widen(&binary, |slot| {
             let number = numbers[binary.primitive_indices[slot] as usize];
             (number, primitives[number as usize])
@@ -57,50 +54,32 @@ impl Bvh {
         bvh
     }
 
-    /// Makes the nodes of four children and the packets from the binary tree.
+    /// Makes the nodes of eight children and the packets from the binary tree.
     fn widen(&mut self, binary: &Bvh2, primitive: impl Fn(usize) -> (u32, Primitive)) {
+        let plan = widen::Plan::new(binary);
         self.nodes.push(Node::EMPTY);
-        // Wide node, the binary nodes to put in it, and its depth. A list, not recursion: some trees are deep.
-        let mut todo = vec![(0, children(binary, 0), 1)];
-        let mut depth = 0;
-        while let Some((node, members, level)) = todo.pop() {
-            depth = depth.max(level);
-            for (lane, &member) in members.iter().enumerate() {
-                let source = &binary.nodes[member];
-                let child = if source.is_leaf() {
-                    let first = source.first_index as usize;
-                    self.packets.push(Packet::new((first..first + source.prim_count as usize).map(&primitive)));
+        // Wide node, and the binary one whose place it takes. A list, not recursion: some trees are deep.
+        let mut todo = vec![(0, 0)];
+        while let Some((node, source)) = todo.pop() {
+            for (lane, &member) in plan.children(source).iter().enumerate() {
+                let child = if plan.is_packet(member) {
+                    self.packets.push(Packet::new(plan.primitives(member).into_iter().map(&primitive)));
                     self.nodes[node].leaves |= 1 << lane;
                     self.packets.len() - 1
                 } else {
                     self.nodes.push(Node::EMPTY);
-                    todo.push((self.nodes.len() - 1, children(binary, member), level + 1));
+                    todo.push((self.nodes.len() - 1, member));
                     self.nodes.len() - 1
                 };
-                self.nodes[node].set(lane, source.aabb().min, source.aabb().max, child);
+                let bounds = binary.nodes[member].aabb();
+                self.nodes[node].set(lane, bounds.min, bounds.max, child);
             }
         }
         let is_form = |&lane: &u32| lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE;
         self.has_forms = self.packets.iter().any(|packet| packet.primitives.iter().any(is_form));
-        // Each node on a path leaves at most three siblings behind, the last one has four children.
-        self.stack_size = 3 * depth + 1;
         self.nodes.shrink_to_fit();
         self.packets.shrink_to_fit();
     }
-}
-
-/// Returns up to four descendants of a binary node that together hold what it holds: the largest are opened first.
-fn children(binary: &Bvh2, node: usize) -> Vec<usize> {
-    let mut members = vec![node];
-    while members.len() < LANES {
-        let open = |i: &usize| !binary.nodes[members[*i]].is_leaf();
-        let area = |i: usize| binary.nodes[members[i]].aabb().half_area();
-        let Some(largest) = (0..members.len()).filter(open).max_by(|&i, &j| area(i).total_cmp(&area(j))) else { break };
-        let first = binary.nodes[members[largest]].first_index as usize;
-        members[largest] = first;
-        members.push(first + 1);
-    }
-    members
 }
 
 /// Returns the grown box of each primitive.
@@ -127,22 +106,16 @@ fn unit_hash(index: u32, axis: u32) -> f32 {
     ((h ^ (h >> 16)) >> 8) as f32 / (1u32 << 24) as f32
 }
 
-/// Builds a tree as obvhs' medium build does, in one thread and so always the same, with leaves that fill a packet.
+/// Builds a tree as obvhs' medium build does, in one thread and so always the same.
 fn clustered(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
-    // Part of the nodes that are tried elsewhere in the tree, and again after leaves were merged. Ten times as many made no ray faster.
-    const REINSERTION: f32 = 0.05;
-    // In units of a primitive's: so high that leaves are filled where triangles lie side by side, as a packet costs the same however many of its lanes are in
-    // use, and so low that the walls of a room do not share one.
-    const NODE_COST: f32 = 2.0;
+    // Part of the nodes that are tried elsewhere in the tree. Ten times as many made no ray faster.
+    const REINSERTION: f32 = 0.1;
     // On the lowest levels only direct neighbours are compared.
     const NEIGHBOUR_LEVELS: usize = 3;
     let numbers = (0u32..).take(boxes.len()).collect();
     let mut ploc = PlocBuilder::with_capacity(boxes.len());
     let mut tree = ploc.build(PlocSearchDistance::Medium, boxes, numbers, SortPrecision::U64, NEIGHBOUR_LEVELS);
-    let mut reinsertion = ReinsertionOptimizer::default();
-    reinsertion.run(&mut tree, REINSERTION, None);
-    collapse(&mut tree, 4, NODE_COST);
-    reinsertion.run(&mut tree, 2.0 * REINSERTION, None);
+    ReinsertionOptimizer::default().run(&mut tree, REINSERTION, None);
     tree
 }
 
@@ -182,7 +155,11 @@ impl Primitive {
 }
 
 impl Node {
-    const EMPTY: Self = Self { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], children: [0; 4], leaves: 0 };
+    const EMPTY: Self = Self {
+        bounds: [[[f32::INFINITY; LANES]; 3], [[f32::NEG_INFINITY; LANES]; 3]],
+        children: [0; LANES],
+        leaves: 0,
+    };
 
     fn set(&mut self, lane: usize, min: Vec3A, max: Vec3A, child: usize) {
         for axis in 0..3 {

@@ -1,8 +1,9 @@
-//! A ray in the form in which the tree wants it: each number in four lanes.
+//! A ray in the form in which the tree wants it: each number in all lanes.
 
-use glam::{Vec3A, Vec4};
+use fearless_simd::{Simd, SimdBase, SimdMask, f32x8};
+use glam::Vec3A;
 
-use super::Node;
+use super::{LANES, Node};
 use crate::Ray;
 
 /// Boxes are left this much later than computed: three roundings (Ize 2013: Robust BVH Ray Traversal).
@@ -12,22 +13,23 @@ const FAR_GROWTH: f32 = 1.0 + 4.0 * f32::EPSILON;
 const MIN_COMPONENT: f32 = 1e-30;
 
 /// What boxes and triangles ask of a ray.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LaneRay {
-    pub(super) origin: [Vec4; 3],
+#[derive(Clone, Copy)]
+pub(super) struct LaneRay<S: Simd> {
+    pub(super) simd: S,
+    pub(super) origin: [f32x8<S>; 3],
     /// One over the direction.
-    inverse: [Vec4; 3],
+    inverse: [f32x8<S>; 3],
     /// For each axis, whether the ray runs downwards: the index of the side at which it enters.
     side: [usize; 3],
     /// For triangles: axes of which z is the one along which the ray is longest...
     pub(super) axes: [usize; 3],
     /// ... and the shear by which it becomes the z axis.
-    pub(super) shear: [Vec4; 3],
+    pub(super) shear: [f32x8<S>; 3],
 }
 
-impl LaneRay {
-    #[inline]
-    pub(super) fn new(ray: &Ray) -> Self {
+impl<S: Simd> LaneRay<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, ray: &Ray) -> Self {
         let Ray { origin, direction, .. } = *ray;
         let length = direction.abs();
         let is_tiny = length.cmplt(Vec3A::splat(MIN_COMPONENT));
@@ -40,21 +42,37 @@ impl LaneRay {
         let sheared = (direction * z_inverse).to_array();
         let downwards = direction.is_negative_bitmask() as usize;
         Self {
-            origin: origin.to_array().map(Vec4::splat),
-            inverse: inverse.map(Vec4::splat),
+            simd,
+            origin: splat(simd, origin.to_array()),
+            inverse: splat(simd, inverse),
             side: [downwards & 1, downwards >> 1 & 1, downwards >> 2 & 1],
             axes: [x, y, z],
-            shear: [sheared[x], sheared[y], z_inverse].map(Vec4::splat),
+            shear: splat(simd, [sheared[x], sheared[y], z_inverse]),
         }
     }
 
-    /// Returns where the ray enters the four boxes of a node, and which of them it meets in (`t_min`, `t_max`).
-    #[inline]
-    pub(super) fn meet(&self, node: &Node, t_min: f32, t_max: f32) -> (Vec4, u32) {
-        let near = |axis: usize| (node.bounds[self.side[axis] & 1][axis] - self.origin[axis]) * self.inverse[axis];
-        let far = |axis: usize| (node.bounds[(self.side[axis] & 1) ^ 1][axis] - self.origin[axis]) * self.inverse[axis];
-        let enter = near(0).max(near(1)).max(near(2)).max(Vec4::splat(t_min));
-        let leave = (far(0).min(far(1)).min(far(2)) * FAR_GROWTH).min(Vec4::splat(t_max));
-        (enter, enter.cmple(leave).bitmask())
+    /// Returns coordinates along an axis as seen from where the ray starts.
+    #[inline(always)]
+    pub(super) fn offset(&self, coordinates: &[f32; LANES], axis: usize) -> f32x8<S> {
+        f32x8::load_array_ref(self.simd, coordinates) - self.origin[axis]
     }
+
+    /// Returns where the ray passes the sides of a node's boxes on which it enters them or leaves them.
+    #[inline(always)]
+    fn pass<const LEAVE: usize>(&self, node: &Node, axis: usize) -> f32x8<S> {
+        self.offset(&node.bounds[(self.side[axis] & 1) ^ LEAVE][axis], axis) * self.inverse[axis]
+    }
+
+    /// Returns where the ray enters the boxes of a node, and which of them it meets in (`t_min`, `t_max`).
+    #[inline(always)]
+    pub(super) fn meet(&self, node: &Node, t_min: f32, t_max: f32) -> (f32x8<S>, u64) {
+        let enter = self.pass::<0>(node, 0).max(self.pass::<0>(node, 1)).max(self.pass::<0>(node, 2)).max(t_min);
+        let leave = self.pass::<1>(node, 0).min(self.pass::<1>(node, 1)).min(self.pass::<1>(node, 2));
+        (enter, enter.simd_le((leave * FAR_GROWTH).min(t_max)).to_bitmask())
+    }
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
+    [f32x8::splat(simd, x), f32x8::splat(simd, y), f32x8::splat(simd, z)]
 }

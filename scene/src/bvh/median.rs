@@ -4,8 +4,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
-/// Primitives in a leaf.
-const LEAF: usize = 4;
+use super::LANES;
 
 /// Builds a tree in which both halves of each node hold as many boxes, split where their centres are farthest apart.
 pub(super) fn split(boxes: &[Aabb]) -> Bvh2 {
@@ -15,7 +14,7 @@ pub(super) fn split(boxes: &[Aabb]) -> Bvh2 {
     while let Some((node, range)) = todo.pop() {
         let members = &mut numbers[range.clone()];
         let around = members.iter().map(|&i| boxes[i as usize]).reduce(|a, b| a.union(&b)).unwrap_or(Aabb::INVALID);
-        if members.len() <= LEAF {
+        if members.len() <= LANES {
             nodes[node] = Bvh2Node::new(around, index(members.len()), index(range.start));
             continue;
         }

@@ -1,7 +1,8 @@
 //! The acceleration structure over triangles and the boxes of free forms.
 //!
-//! obvhs builds a binary tree; pairs of its levels are merged to nodes of four children, whose boxes one ray meets at once in
-//! four lanes, and each leaf is a packet of up to four primitives, tested in four lanes likewise.
+//! obvhs builds a binary tree; its levels are merged to nodes of eight children, whose boxes one ray meets at once in
+//! eight lanes, and each leaf is a packet of up to eight primitives, tested in eight lanes likewise. How wide the lanes' instructions are is
+//! chosen at run time; the answers are the same bits.
 
 mod build;
 mod lane_ray;
@@ -10,8 +11,9 @@ mod packet;
 #[cfg(test)]
 mod tests;
 mod traverse;
+mod widen;
 
-use glam::Vec4;
+use fearless_simd::Level;
 
 pub(crate) use build::Primitive;
 use packet::Packet;
@@ -21,21 +23,25 @@ use packet::Packet;
 pub(crate) struct Bvh {
     nodes: Vec<Node>,
     packets: Vec<Packet>,
-    /// Entries of the traversal stack that the deepest path can need.
-    stack_size: usize,
+    /// Instructions that the processor has.
+    level: Level,
     /// Whether any packet holds a free form, so that others need not be looked at for one.
     has_forms: bool,
 }
 
-/// Four children with their boxes, a lane each. The lanes of absent ones hold an inside-out box, which no ray meets.
+/// Children of a node, and primitives of a packet.
+const LANES: usize = 8;
+
+/// Eight children with their boxes, a lane each. The lanes of absent ones hold an inside-out box, which no ray meets.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(32))]
 struct Node {
     /// Lowest and highest coordinates: `bounds[0][axis]` and `bounds[1][axis]`.
-    bounds: [[Vec4; 3]; 2],
+    bounds: [[[f32; LANES]; 3]; 2],
     /// Indices of nodes or, in the lanes of `leaves`, of packets.
-    children: [u32; 4],
+    children: [u32; LANES],
     /// A bit for each lane that holds a packet.
-    leaves: u32,
+    leaves: u64,
 }
 
 impl Bvh {

@@ -1,4 +1,4 @@
-//! Up to four primitives of a leaf, their triangles met by a ray at once and without gaps.
+//! Up to eight primitives of a leaf, their triangles met by a ray at once and without gaps.
 //!
 //! # Source
 //! Woop, Benthin, Wald 2013: Watertight Ray/Triangle Intersection. In the frame in which the ray is the z axis, the edge functions
@@ -6,18 +6,21 @@
 //! it is computed again in f64, in which the products are exact. We depart in the hits that lie close to the start of the ray: their t is computed again
 //! from the unsheared corners in f64, so that a ray that starts a rounding error beyond a surface never meets it.
 
-use glam::{BVec4A, DVec3, Vec2, Vec3, Vec3A, Vec4};
+use fearless_simd::{Simd, SimdBase, SimdMask, f32x8};
+use glam::{DVec3, Vec2, Vec3, Vec3A};
 
+use super::LANES;
 use super::lane_ray::LaneRay;
 use crate::Ray;
 
-/// Up to four triangles, a lane each; a lane may also hold a free form or nothing, whose corners are NaN.
+/// Up to eight triangles, a lane each; a lane may also hold a free form or nothing, whose corners are NaN.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(32))]
 pub(super) struct Packet {
     /// `corners[corner][axis]`.
-    pub(super) corners: [[Vec4; 3]; 3],
+    pub(super) corners: [[[f32; LANES]; 3]; 3],
     /// The primitive of each lane, with flags in the two highest bits.
-    pub(super) primitives: [u32; 4],
+    pub(super) primitives: [u32; LANES],
 }
 
 /// The lane holds a free form (or, with `PRIMITIVE` all ones, nothing).
@@ -37,80 +40,86 @@ const T_ERROR: f32 = 128.0 * UNIT_ROUNDOFF;
 /// What a packet's lanes say of a ray.
 pub(super) struct Lanes {
     /// Lanes whose triangle is met at t > 0 or too close to 0 to tell.
-    pub(super) mask: u32,
-    t: [f32; 4],
-    v: [f32; 4],
-    w: [f32; 4],
-    det_inv: [f32; 4],
+    pub(super) mask: u64,
+    t: [f32; LANES],
+    v: [f32; LANES],
+    w: [f32; LANES],
+    det_inv: [f32; LANES],
     /// Lanes where t needs a second look.
-    doubt: u32,
+    doubt: u64,
 }
 
 impl Lanes {
     /// Nothing is met.
-    const NONE: Self = Self { mask: 0, t: [0.0; 4], v: [0.0; 4], w: [0.0; 4], det_inv: [0.0; 4], doubt: 0 };
+    const NONE: Self =
+        Self { mask: 0, t: [0.0; LANES], v: [0.0; LANES], w: [0.0; LANES], det_inv: [0.0; LANES], doubt: 0 };
 }
 
 impl Packet {
     /// A packet of nothing.
-    pub(super) const EMPTY: Self = Self { corners: [[Vec4::NAN; 3]; 3], primitives: [FORM | PRIMITIVE; 4] };
+    pub(super) const EMPTY: Self = Self { corners: [[[f32::NAN; LANES]; 3]; 3], primitives: [FORM | PRIMITIVE; LANES] };
 
     /// Meets all lanes with a ray and returns those whose triangle is hit before `t_max`.
-    #[inline]
-    pub(super) fn meet(&self, ray: &LaneRay, t_max: f32) -> Lanes {
+    #[inline(always)]
+    pub(super) fn meet<S: Simd>(&self, ray: &LaneRay<S>, t_max: f32) -> Lanes {
         let [ax, ay, az] = self.sheared(0, ray);
         let [bx, by, bz] = self.sheared(1, ray);
         let [cx, cy, cz] = self.sheared(2, ray);
         let mut u = cx * by - cy * bx;
         let mut v = ax * cy - ay * cx;
         let mut w = bx * ay - by * ax;
-        let zero = u.cmpeq(Vec4::ZERO) | v.cmpeq(Vec4::ZERO) | w.cmpeq(Vec4::ZERO);
-        if zero.any() {
-            u = exact_edge(cx, by, cy, bx, u);
-            v = exact_edge(ax, cy, ay, cx, v);
-            w = exact_edge(bx, ay, by, ax, w);
+        let zero = u.simd_eq(0.0) | v.simd_eq(0.0) | w.simd_eq(0.0);
+        if zero.any_true() {
+            exact_edge(&cx, &by, &cy, &bx, &mut u);
+            exact_edge(&ax, &cy, &ay, &cx, &mut v);
+            exact_edge(&bx, &ay, &by, &ax, &mut w);
         }
-        let outside = negative(u.min(v).min(w)) & positive(u.max(v).max(w));
+        let outside = u.min(v).min(w).simd_lt(0.0) & u.max(v).max(w).simd_gt(0.0);
         let det = u + v + w;
         // NaN, of an empty lane or a triangle seen edge on (0 / 0), fails each comparison.
-        let met = !outside & det.abs().cmpgt(Vec4::ZERO);
-        if !met.any() {
+        let met = !outside & det.abs().simd_gt(0.0);
+        if !met.any_true() {
             return Lanes::NONE;
         }
-        let det_inv = det.recip();
+        let det_inv = f32x8::splat(ray.simd, 1.0) / det;
         let t = (u * az + v * bz + w * cz) * ray.shear[2] * det_inv;
-        let inside = t.cmplt(Vec4::splat(t_max)) & met;
-        if !inside.any() {
+        let inside = t.simd_lt(t_max) & met;
+        if !inside.any_true() {
             return Lanes::NONE;
         }
-        let largest = |a: Vec4, b: Vec4, c: Vec4| a.abs().max(b.abs()).max(c.abs());
-        let size = self.reach(ray).max(largest(az, bz, cz));
+        let size = self.reach(ray);
         let t_error = size * size * size * T_ERROR * det_inv.abs();
-        let ahead = t.cmpgt(-t_error);
-        let doubt = t.abs().cmple(t_error);
-        let [t, v, w, det_inv] = [t, v, w, det_inv].map(|lanes| lanes.to_array());
-        Lanes { mask: (inside & ahead).bitmask(), t, v, w, det_inv, doubt: doubt.bitmask() }
+        let ahead = t.simd_gt(-t_error);
+        let doubt = t.abs().simd_le(t_error);
+        Lanes {
+            mask: (inside & ahead).to_bitmask(),
+            t: t.to_array(),
+            v: v.to_array(),
+            w: w.to_array(),
+            det_inv: det_inv.to_array(),
+            doubt: doubt.to_bitmask(),
+        }
     }
 
     /// Returns the largest translated coordinate of each lane.
-    #[inline]
-    fn reach(&self, ray: &LaneRay) -> Vec4 {
-        let mut reach = Vec4::ZERO;
+    #[inline(always)]
+    fn reach<S: Simd>(&self, ray: &LaneRay<S>) -> f32x8<S> {
+        let mut reach = f32x8::splat(ray.simd, 0.0);
         for corner in &self.corners {
-            for (c, o) in corner.iter().zip(&ray.origin) {
-                reach = reach.max((*c - *o).abs());
+            for (axis, coordinates) in corner.iter().enumerate() {
+                reach = reach.max(ray.offset(coordinates, axis).abs());
             }
         }
         reach
     }
 
     /// Returns a corner in the frame of the ray; z still lacks its factor.
-    #[inline]
-    fn sheared(&self, corner: usize, ray: &LaneRay) -> [Vec4; 3] {
-        let [x, y, z] = ray.axes;
+    #[inline(always)]
+    fn sheared<S: Simd>(&self, corner: usize, ray: &LaneRay<S>) -> [f32x8<S>; 3] {
         let corner = &self.corners[corner];
-        let depth = corner[z] - ray.origin[z];
-        [(corner[x] - ray.origin[x]) - ray.shear[0] * depth, (corner[y] - ray.origin[y]) - ray.shear[1] * depth, depth]
+        let [x, y, z] = ray.axes;
+        let (x, y, z) = (ray.offset(&corner[x], x), ray.offset(&corner[y], y), ray.offset(&corner[z], z));
+        [x - ray.shear[0] * z, y - ray.shear[1] * z, z]
     }
 
     /// Returns t and barycentrics of a lane of `lanes.mask`; t is exact to f32 where it is small.
@@ -140,32 +149,18 @@ impl Packet {
     }
 }
 
-/// Returns a b - c d, taken from f64 where the f32 result `rounded` is 0.
+/// Takes a b - c d from f64 where it was `rounded` to 0.
 #[cold]
-fn exact_edge(a: Vec4, b: Vec4, c: Vec4, d: Vec4, rounded: Vec4) -> Vec4 {
-    let lane = |i: usize| {
-        if rounded[i] != 0.0 {
-            return rounded[i];
-        }
+fn exact_edge(a: &[f32; LANES], b: &[f32; LANES], c: &[f32; LANES], d: &[f32; LANES], rounded: &mut [f32; LANES]) {
+    for (i, rounded) in rounded.iter_mut().enumerate().filter(|(_, rounded)| **rounded == 0.0) {
         let exact = f64::from(a[i]) * f64::from(b[i]) - f64::from(c[i]) * f64::from(d[i]);
         // A difference below the least f32 must keep its sign.
         let sign = if exact > 0.0 { 1.0 } else { -1.0 };
-        if exact == 0.0 { 0.0 } else { sign * narrow(exact.abs()).max(f32::MIN_POSITIVE) }
-    };
-    Vec4::new(lane(0), lane(1), lane(2), lane(3))
+        *rounded = if exact == 0.0 { 0.0 } else { sign * narrow(exact.abs()).max(f32::MIN_POSITIVE) };
+    }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
 fn narrow(x: f64) -> f32 {
     x as f32
-}
-
-#[inline]
-fn negative(x: Vec4) -> BVec4A {
-    x.cmplt(Vec4::ZERO)
-}
-
-#[inline]
-fn positive(x: Vec4) -> BVec4A {
-    x.cmpgt(Vec4::ZERO)
 }
