@@ -119,7 +119,7 @@ fn gather(scene: &Scene, surface: &Surface, frame: &Frame, n: usize, key: u32) -
     let mut samples = Samples::new(n);
     for texel in 0..n * n {
         let stream = hash_pair(u64::from(key), texel as u64);
-        samples.set_jitter(texel, Sampler::new(1, stream, PATHS).next_2d());
+        samples.set_jitter(texel, Sampler::new(1, stream, PATHS).next_pair());
         let wi = frame.to_world(samples.direction(texel));
         let ray = surface.spawn(wi);
         let found = scene.intersect(&ray).map(|hit| scene.surface(&ray, &hit));

@@ -268,7 +268,7 @@ impl Controls {
         let cells = (0..CONTROL_SIDE * CONTROL_SIDE).map(|cell| UVec2::new(cell % CONTROL_SIDE, cell / CONTROL_SIDE));
         let pixels = cells.map(|cell| {
             let mut sampler = Sampler::new(seed, u64::from(cell.x), cell.y);
-            let place = (cell.as_vec2() + sampler.next_2d()) / CONTROL_SIDE as f32 * settings.size.as_vec2();
+            let place = (cell.as_vec2() + sampler.next_pair()) / CONTROL_SIDE as f32 * settings.size.as_vec2();
             Control { position: place.as_uvec2().min(settings.size - 1), sum: 0.0, sum_sq: 0.0 }
         });
         Self { seed, groups: 0, pixels: pixels.collect() }
@@ -290,7 +290,7 @@ impl Controls {
                     let key = hash_pair(group, number as u64);
                     let paths = (0..GROUP).map(|path| {
                         let mut sampler = Sampler::new(seed, key, path);
-                        let film = control.position.as_vec2() + sampler.next_2d();
+                        let film = control.position.as_vec2() + sampler.next_pair();
                         let ray = scene.camera_ray(film, size);
                         f64::from(grey(tracer.trace(&ray, &mut sampler).terms.sum()))
                     });

@@ -127,7 +127,7 @@ impl CellBuilder<'_> {
                 let mut found = Vec::new();
                 let mut rays = RayCounts::default();
                 let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
-                let film = in_cell(number, PROBE_SIDE, sampler.next_2d()) * size.as_vec2();
+                let film = in_cell(number, PROBE_SIDE, sampler.next_pair()) * size.as_vec2();
                 let ray = self.scene.camera_ray(film, size);
                 rays.camera += 1;
                 if let Some((seen, _)) = self.to_diffuse(ray, Vec3::ONE, &mut sampler, &mut rays) {
@@ -152,7 +152,7 @@ impl CellBuilder<'_> {
         let mut at = from;
         for bounce in 0..PROBE_BOUNCES {
             sampler.start_bounce(bounce + 1);
-            let Some(ray) = at.cosine_ray(sampler.next_2d()) else { return };
+            let Some(ray) = at.cosine_ray(sampler.next_pair()) else { return };
             rays.path += 1;
             let Some((next, _)) = self.to_diffuse(ray, Vec3::ONE, sampler, rays) else { return };
             found.push((next, bounce == 0));
@@ -202,12 +202,12 @@ impl CellBuilder<'_> {
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
             let ways = LightWays { count: 1, choice: None, sky: self.sky };
-            let u = sampler.next_4d_for(self.scene.lights().count() > 1);
+            let u = sampler.next_4d_for(self.scene.lights().has_choice());
             row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, ways, u, &mut row.rays) * pi;
             if self.scene.features().emissive_unsampled {
-                row.direct += unsampled_emission(self.scene, point, sampler.next_2d(), &mut row.rays) * pi;
+                row.direct += unsampled_emission(self.scene, point, sampler.next_pair(), &mut row.rays) * pi;
             }
-            let Some(ray) = point.cosine_ray(sampler.next_2d()) else { continue };
+            let Some(ray) = point.cosine_ray(sampler.next_pair()) else { continue };
             row.rays.path += 1;
             if let Some(hit) = self.scene.intersect(&ray) {
                 let surface = self.scene.surface(&ray, &hit);

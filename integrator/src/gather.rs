@@ -74,7 +74,7 @@ impl<S: Secondary> Gatherer<'_, S> {
             for number in 0..count {
                 let stream = hash_pair(key, texel as u64);
                 let mut sampler = Sampler::new(self.seed ^ FURTHER_STREAM, stream, number);
-                let jitter = sampler.next_2d();
+                let jitter = sampler.next_pair();
                 let wi = frame.to_world(hemimap::square_to_cosine_hemisphere((place + jitter) / n as f32));
                 let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
                 parts[usize::from(traced.distance.is_infinite())] += traced.radiance;

@@ -45,7 +45,7 @@ pub struct PathSample {
 #[derive(Debug)]
 pub struct PathTracer<'a> {
     scene: &'a Scene,
-    has_many_lights: bool,
+    has_light_choice: bool,
     /// Rays traced, those of kind `camera`, `path` and `shadow`.
     pub rays: RayCounts,
     /// Paths cut at [`MAX_PATH_VERTICES`].
@@ -106,8 +106,8 @@ impl<'a> PathTracer<'a> {
     /// Returns a tracer that has counted nothing yet.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        let has_many_lights = scene.lights().count() > 1;
-        Self { scene, has_many_lights, rays: RayCounts::default(), cut_paths: 0, dropped_samples: 0 }
+        let has_light_choice = scene.lights().has_choice();
+        Self { scene, has_light_choice, rays: RayCounts::default(), cut_paths: 0, dropped_samples: 0 }
     }
 
     /// Returns an unbiased estimate of the radiance that comes along `ray` to its origin. A sample that is not finite
@@ -163,7 +163,7 @@ impl<'a> PathTracer<'a> {
             // Light and direction have a pair each in every bounce. A block more is drawn for choices, where there are any; its numbers keep
             // their meaning over the samples.
             let (u_point, u_direction) = (sampler.next_pair(), sampler.next_pair());
-            let has_choice = self.has_many_lights || vertex >= ROULETTE_START || bsdf.has_choice();
+            let has_choice = self.has_light_choice || vertex >= ROULETTE_START || bsdf.has_choice();
             let [u_light, u_lobe, u_roulette, _] = if has_choice { sampler.next_4d() } else { [0.5; 4] };
             if !bsdf.is_delta()
                 && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_light, u_point)

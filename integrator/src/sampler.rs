@@ -35,15 +35,22 @@ const fn upper(x: u64) -> u32 {
     (x >> 32) as u32
 }
 
+/// Returns the number in [0, 1) of the 24 highest bits.
+const fn unit_interval(bits: u64) -> f32 {
+    (bits >> 40) as f32 * (1.0 / 16_777_216.0)
+}
+
 /// Low-discrepancy numbers of one sample of one pixel, all in [0, 1).
 #[derive(Debug, Clone)]
 pub struct Sampler {
     /// Pixel, seed and which stretch of 65,536 samples.
     key: u64,
-    /// `key` and the bounce.
-    bounce_key: u64,
+    /// `key` and the bounce, hashed once more: the first half of [`hash_pair`].
+    bounce_hash: u64,
     /// The sample within its stretch.
     index: u32,
+    /// Its bits in reverse.
+    reversed_index: u32,
     /// Blocks drawn in this bounce.
     block: u32,
     values: [f32; 4],
@@ -58,10 +65,15 @@ impl Sampler {
     #[must_use]
     pub const fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let key = hash_pair(hash_pair(seed, pixel), (sample / SEQUENCE_LENGTH) as u64);
+        Self::with_key(key, sample % SEQUENCE_LENGTH)
+    }
+
+    const fn with_key(key: u64, index: u32) -> Self {
         Self {
             key,
-            bounce_key: key,
-            index: sample % SEQUENCE_LENGTH,
+            bounce_hash: hash(key),
+            index,
+            reversed_index: index.reverse_bits(),
             block: 0,
             values: [0.0; 4],
             used: 4,
@@ -77,7 +89,7 @@ impl Sampler {
 
     /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have used.
     pub const fn start_bounce(&mut self, bounce: u32) {
-        self.bounce_key = if bounce == 0 { self.key } else { hash_pair(self.key, bounce as u64) };
+        self.bounce_hash = hash(if bounce == 0 { self.key } else { hash_pair(self.key, bounce as u64) });
         self.block = 0;
         self.used = 4;
     }
@@ -86,8 +98,8 @@ impl Sampler {
     #[must_use]
     pub const fn split(&self) -> Self {
         const BRANCH: u64 = 0x6272_616e_6368;
-        let key = hash_pair(hash_pair(self.bounce_key, BRANCH), self.block as u64);
-        Self { key, bounce_key: key, block: 0, used: 4, ..*self }
+        let key = hash_pair(hash(self.bounce_hash ^ BRANCH), self.block as u64);
+        Self { is_alone: self.is_alone, ..Self::with_key(key, self.index) }
     }
 
     /// Starts numbers of their own for `count` paths that branch off here, stratified over all of them and all samples of the pixel.
@@ -101,18 +113,16 @@ impl Sampler {
             let key = hash_pair(parent.key, index / length);
             #[expect(clippy::cast_possible_truncation, reason = "below the length")]
             let index = (index % length) as u32;
-            Self { key, bounce_key: key, index, is_alone: false, ..parent.clone() }
+            Self::with_key(key, index)
         })
     }
 
     /// Returns the next four numbers, stratified together, and gives up what is left of the block before.
     pub fn next_4d(&mut self) -> [f32; 4] {
-        let seed = hash_pair(self.bounce_key, u64::from(self.block));
-        self.block += 1;
-        self.used = 4;
+        let seed = self.next_block();
         if self.is_alone {
             let more = hash(seed);
-            return [seed, seed << 32, more, more << 32].map(|bits| (bits >> 40) as f32 * (1.0 / 16_777_216.0));
+            return [seed, seed << 32, more, more << 32].map(unit_interval);
         }
         let seed = upper(seed);
         sobol_burley::sample_4d(self.index, 0, seed)
@@ -134,17 +144,23 @@ impl Sampler {
             let [x, y, ..] = self.next_4d();
             return Vec2::new(x, y);
         }
-        let seed = hash_pair(self.bounce_key, u64::from(self.block));
+        let seed = self.next_block();
+        let index = owen_scramble_rev(self.reversed_index, upper(seed)).reverse_bits();
+        let more = hash(seed);
+        // The first dimension of Sobol's sequence reverses the digits of the index, the second one sums them by Pascal's triangle first. Both are reversed as
+        // one number of 64 bits, which puts the second one above.
+        let x = owen_scramble_rev(index, upper(more));
+        let y = owen_scramble_rev(pascal(index), upper(more << 32));
+        let both = (u64::from(x) << 32 | u64::from(y)).reverse_bits();
+        Vec2::new(unit_interval(both << 32), unit_interval(both))
+    }
+
+    /// Returns the key of the next block, and gives up what is left of the one before.
+    const fn next_block(&mut self) -> u64 {
+        let key = hash(self.bounce_hash ^ self.block as u64);
         self.block += 1;
         self.used = 4;
-        let index = owen_scramble_rev(self.index.reverse_bits(), upper(seed)).reverse_bits();
-        let more = hash(seed);
-        // The first dimension of Sobol's sequence reverses the digits of the index, the second one sums them by Pascal's triangle first.
-        let scrambled = |reversed: u32, scramble: u32| {
-            let bits = owen_scramble_rev(reversed, scramble).reverse_bits();
-            (bits >> 8) as f32 * (1.0 / 16_777_216.0)
-        };
-        Vec2::new(scrambled(index, upper(more)), scrambled(pascal(index), upper(more << 32)))
+        key
     }
 
     /// Returns the next number.
@@ -155,16 +171,6 @@ impl Sampler {
         }
         self.used += 1;
         self.values[self.used - 1]
-    }
-
-    /// Returns the next pair, stratified together.
-    pub fn next_2d(&mut self) -> Vec2 {
-        if self.used > 2 {
-            self.values = self.next_4d();
-            self.used = 0;
-        }
-        self.used += 2;
-        Vec2::new(self.values[self.used - 2], self.values[self.used - 1])
     }
 }
 
@@ -239,7 +245,7 @@ mod tests {
                 for sample in 64..80 {
                     let mut sampler = Sampler::new(1, pixel, sample);
                     sampler.start_bounce(bounce);
-                    let u = sampler.next_2d();
+                    let u = sampler.next_pair();
                     let cell = |x: f32, n: f32| (x * n) as u32;
                     cells[0] |= 1 << cell(u.x, 16.0);
                     cells[1] |= 1 << cell(u.y, 16.0);
@@ -306,8 +312,8 @@ mod tests {
         let mut a = Sampler::new(1, 2, 3);
         let mut b = a.clone();
         a.next_1d();
-        a.next_2d();
-        a.next_2d();
+        a.next_pair();
+        a.next_4d();
         a.start_bounce(1);
         b.start_bounce(1);
         let values = (0..5).map(|_| a.next_1d()).collect::<Vec<_>>();

@@ -256,7 +256,7 @@ impl<S: Secondary> Primary<'_, S> {
         if total <= 0.0 {
             return;
         }
-        let u = sampler.next_2d();
+        let u = sampler.next_pair();
         let split = from.bounces < MAX_SPLITS;
         let first = strength[0] / total;
         for (way, sample) in branches.into_iter().enumerate() {

@@ -56,21 +56,21 @@ pub(crate) fn walk(
     // Where the last glossy bounce was, and its density for each direction to lights there: what it meets counts beside what these found.
     let mut glossy: Option<(Vec3A, f32)> = None;
     for bounce in 1..MAX_BOUNCES {
-        sampler.start_bounce(bounce);
         let Shading { bsdf, .. } = shading;
-        let candidates = light_candidates(scene, &shading);
         let taken = if bsdf.has_diffuse() { visitor.visit(&shading, beta, near) } else { Taken::All };
+        if taken == Taken::All && bsdf.specular == Specular::None {
+            break;
+        }
+        sampler.start_bounce(bounce);
+        let candidates = light_candidates(scene, &shading);
         if taken != Taken::All || bsdf.has_glossy() {
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
             let ways = LightWays { count: candidates, choice: None, sky: None };
-            let u = sampler.next_4d_for(candidates > 1 || scene.lights().count() > 1);
+            let u = sampler.next_4d_for(candidates > 1 || scene.lights().has_choice());
             visitor.add(beta * direct_light(scene, &shading, lobes, ways, u, rays));
         }
         if taken != Taken::All && scene.features().emissive_unsampled {
-            visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_2d(), rays));
-        }
-        if taken == Taken::All && bsdf.specular == Specular::None {
-            break;
+            visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_pair(), rays));
         }
         let has_choice = bounce >= ROULETTE_START || bsdf.has_choice();
         let [mut u_lobe, u, v, u_roulette] = sampler.next_4d_for(has_choice);

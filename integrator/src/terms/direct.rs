@@ -64,19 +64,19 @@ impl<S: Secondary> DirectTerm<'_, S> {
     ) -> Light {
         let mut light = Light::default();
         let count = self.plan.light_samples;
-        let has_many_lights = self.scene.lights().count() > 1;
+        let has_light_choice = self.scene.lights().has_choice();
         let choice = self.light_guide.filter(|_| takes_guide(shading)).and_then(|guide| guide.at(position, shading));
         let ways = LightWays { count: 1, choice, sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways);
         for mut sampler in sampler.split_into(count) {
             // The best stratified pair is for the point of the light.
             let point = sampler.next_pair();
-            let u_choice = if has_many_lights { sampler.next_1d() } else { 0.5 };
+            let u_choice = if has_light_choice { sampler.next_1d() } else { 0.5 };
             let u = [u_choice, point.x, point.y, 0.0];
             light.direct += lights.sample(u, rays) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
-            light.direct += unsampled_emission(self.scene, shading, sampler.next_2d(), rays);
+            light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
         }
         if shading.bsdf.has_glossy() {
             self.add_lobe(shading, position, sampler, rays, &mut light);

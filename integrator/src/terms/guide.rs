@@ -92,7 +92,7 @@ fn learner<S: Secondary>(
 ) -> Vec<Lesson> {
     let mut lessons = Vec::new();
     let mut sampler = Sampler::new(seed, u64::from(number), 0);
-    let film = in_cell(number, direct.plan.learners, sampler.next_2d()) * size.as_vec2();
+    let film = in_cell(number, direct.plan.learners, sampler.next_pair()) * size.as_vec2();
     let ray = direct.scene.camera_ray(film, size);
     rays.camera += 1;
     let Some(hit) = direct.scene.intersect(&ray) else { return lessons };

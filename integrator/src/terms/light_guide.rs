@@ -120,7 +120,7 @@ impl Learner<'_> {
     fn lessons(&self, number: u32) -> (Vec<Lesson>, RayCounts) {
         let (mut lessons, mut rays) = (Vec::new(), RayCounts::default());
         let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
-        let film = in_cell(number, self.side, sampler.next_2d()) * self.size.as_vec2();
+        let film = in_cell(number, self.side, sampler.next_pair()) * self.size.as_vec2();
         let Some(shading) = self.first_diffuse(film, &mut sampler, &mut rays) else { return (lessons, rays) };
         let surface = &shading.surface;
         let tile = tile(film, self.size, surface.n);

@@ -28,6 +28,9 @@ impl Choice {
     /// Returns the one that `u` in [0, 1) chooses, and its probability.
     #[inline]
     pub(super) fn sample(&self, u: f32) -> Option<(usize, f32)> {
+        if self.sums.len() == 1 {
+            return Some((0, 1.0));
+        }
         let u = f64::from(u);
         let index = self.sums.partition_point(|&sum| sum <= u);
         (index < self.sums.len()).then(|| (index, self.probability(index)))

@@ -179,6 +179,12 @@ impl Lights {
         self.near_count + self.punctual.len() - self.point_count() + usize::from(self.environment.is_some())
     }
 
+    /// Whether there are several, so that a number is needed to choose one.
+    #[must_use]
+    pub fn has_choice(&self) -> bool {
+        self.count() > 1
+    }
+
     /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene.
     #[must_use]
     pub fn total_flux(&self) -> Vec3 {
