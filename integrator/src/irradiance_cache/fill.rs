@@ -88,13 +88,15 @@ pub(crate) fn fill<S: Secondary>(
     (0..points.len()).into_par_iter().map(rest).collect()
 }
 
-/// Whether a point that is seen directly is longer than some record around it reaches, or no record is around it.
+/// Whether a point that is seen directly may be longer than some record around it tells of, or no record is around it.
 fn is_long(point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
+    /// Records on the lit side of a rim reach so much farther than its pixels go on into the dark, whose few samples may lie close together besides.
+    const REACH: f32 = 3.0;
     let half = point.half_length();
     // Up to there all records reach.
     point.chain == 0
         && half > MIN_PIXELS * point.footprint
-        && index.least_reach(middle).is_none_or(|reach| reach <= half)
+        && index.least_reach(middle).is_none_or(|reach| reach <= REACH * half)
 }
 
 /// Whether records cannot tell the light on all of a long point: it is in a gap in part, what they tell of its middle and of its ends differs too much, or
