@@ -1,6 +1,6 @@
 //! Uniform numbers: an Owen-scrambled Sobol sequence for a pixel's samples, and a small generator where no structure is wanted.
 //!
-//! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first four Sobol dimensions,
+//! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first two or four Sobol dimensions,
 //! every block shuffled and scrambled by a seed of its own ("padding", Burley 2020): within a block the samples of a
 //! pixel are stratified, between blocks they are independent.
 //!
@@ -66,19 +66,6 @@ impl Sampler {
     pub const fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let key = hash_pair(hash_pair(seed, pixel), (sample / SEQUENCE_LENGTH) as u64);
         Self::with_key(key, sample % SEQUENCE_LENGTH)
-    }
-
-    const fn with_key(key: u64, index: u32) -> Self {
-        Self {
-            key,
-            bounce_hash: hash(key),
-            index,
-            reversed_index: index.reverse_bits(),
-            block: 0,
-            values: [0.0; 4],
-            used: 4,
-            is_alone: false,
-        }
     }
 
     /// Starts the numbers of the only sample of `pixel`: unrelated ones, for they are cheaper and there is nothing to stratify.
@@ -153,6 +140,19 @@ impl Sampler {
         let y = owen_scramble_rev(pascal(index), upper(more << 32));
         let both = (u64::from(x) << 32 | u64::from(y)).reverse_bits();
         Vec2::new(unit_interval(both << 32), unit_interval(both))
+    }
+
+    const fn with_key(key: u64, index: u32) -> Self {
+        Self {
+            key,
+            bounce_hash: hash(key),
+            index,
+            reversed_index: index.reverse_bits(),
+            block: 0,
+            values: [0.0; 4],
+            used: 4,
+            is_alone: false,
+        }
     }
 
     /// Returns the key of the next block, and gives up what is left of the one before.

@@ -32,7 +32,7 @@ const ULPS: f32 = 4.0;
 /// from the ray's origin, and a ray must enter the box of whatever triangle takes it.
 const PADDING: f32 = 4e-7;
 
-/// Deeper trees, which boxes within boxes make, are replaced by an even one.
+/// Deeper trees, which boxes within boxes make, are replaced by an even one. The wide tree is no deeper than the binary one.
 pub(super) const MAX_DEPTH: usize = 128;
 
 impl Bvh {
@@ -40,13 +40,14 @@ impl Bvh {
     pub(crate) fn new(primitives: &[Primitive]) -> Self {
         let numbers: Vec<u32> =
             (0u32..).zip(primitives).filter(|(_, p)| !matches!(p, Primitive::Nothing)).map(|(i, _)| i).collect();
+        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), level: Level::new(), has_forms: false };
         if numbers.is_empty() {
-            return Self { nodes: Vec::new(), packets: Vec::new(), level: Level::new(), has_forms: false };
+            return bvh;
         }
         let boxes = boxes(primitives, &numbers);
         let binary = if clusters_badly(&boxes) { median::split(&boxes) } else { clustered(&boxes) };
         let binary = if depth(&binary) > MAX_DEPTH { median::split(&boxes) } else { binary };
-        let mut bvh = Self { nodes: Vec::new(), packets: Vec::new(), level: Level::new(), has_forms: false };
+        drop(boxes);
         bvh.widen(&binary, |slot| {
             let number = numbers[binary.primitive_indices[slot] as usize];
             (number, primitives[number as usize])
@@ -56,7 +57,7 @@ impl Bvh {
 
     /// Makes the nodes of eight children and the packets from the binary tree.
     fn widen(&mut self, binary: &Bvh2, primitive: impl Fn(usize) -> (u32, Primitive)) {
-        let plan = widen::Plan::new(binary);
+        let plan = widen::Plan::new(binary, |slot| matches!(primitive(slot).1, Primitive::Form(_)));
         self.nodes.push(Node::EMPTY);
         // Wide node, and the binary one whose place it takes. A list, not recursion: some trees are deep.
         let mut todo = vec![(0, 0)];
@@ -106,31 +107,36 @@ fn unit_hash(index: u32, axis: u32) -> f32 {
     ((h ^ (h >> 16)) >> 8) as f32 / (1u32 << 24) as f32
 }
 
-/// Builds a tree as obvhs' medium build does, in one thread and so always the same.
-fn clustered(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
+/// Builds a tree by clustering, of which nodes are tried elsewhere then.
+pub(super) fn clustered(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
     // Part of the nodes that are tried elsewhere in the tree. More of a large tree make no ray faster by more than a hundredth.
     const REINSERTION: f32 = 0.1;
-    // But at least so many: clustering joins the walls of rooms to boxes as large as the room, and to try all its nodes elsewhere saves a fifth of the tree's
-    // instructions in a Cornell box.
+    // But at least so many, and of small trees all in most of the passes: clustering joins the walls of rooms to boxes as large as the room, and to try all nodes
+    // elsewhere saves a fifth of the tree's instructions in a Cornell box.
     const LEAST_REINSERTION: f32 = 4000.0;
-    // On the lowest levels only direct neighbours are compared.
-    const NEIGHBOUR_LEVELS: usize = 3;
-    let numbers = (0u32..).take(boxes.len()).collect();
-    let mut ploc = PlocBuilder::with_capacity(boxes.len());
-    let mut tree = ploc.build(PlocSearchDistance::Medium, boxes, numbers, SortPrecision::U64, NEIGHBOUR_LEVELS);
+    let mut tree = joined(boxes);
     let share = REINSERTION.max(LEAST_REINSERTION / tree.nodes.len() as f32);
     ReinsertionOptimizer::default().run(&mut tree, share, None);
     tree
 }
 
-/// Whether clustering would join the boxes one by one, which takes quadratic time: boxes within boxes do so, and so does a sample of them.
+/// Joins boxes to a tree, those that lie side by side first; in one thread and so always the same.
+fn joined(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
+    // On the lowest levels only direct neighbours are compared.
+    const NEIGHBOUR_LEVELS: usize = 3;
+    let numbers = (0u32..).take(boxes.len()).collect();
+    let mut ploc = PlocBuilder::with_capacity(boxes.len());
+    ploc.build(PlocSearchDistance::Medium, boxes, numbers, SortPrecision::U64, NEIGHBOUR_LEVELS)
+}
+
+/// Whether the boxes would be joined one by one, which takes quadratic time: boxes within boxes are, and so is a sample of them.
 fn clusters_badly(boxes: &[obvhs::aabb::Aabb]) -> bool {
     const SAMPLE: usize = 1000;
     if boxes.len() < 4 * SAMPLE {
         return false;
     }
     let sample: Vec<_> = boxes.iter().step_by(boxes.len() / SAMPLE).copied().collect();
-    depth(&clustered(&sample)) > MAX_DEPTH / 2
+    depth(&joined(&sample)) > MAX_DEPTH / 2
 }
 
 /// Returns the number of levels.

@@ -1,4 +1,4 @@
-use fearless_simd::Level;
+use fearless_simd::{Level, Simd};
 use glam::{Vec3, Vec3A};
 
 use super::build::MAX_DEPTH;
@@ -6,10 +6,10 @@ use super::{Bvh, LANES, Node, Primitive};
 use crate::{Hit, Ray};
 
 /// A stream of numbers in [0, 1) (xorshift).
-struct Random(u32);
+pub(super) struct Random(pub(super) u32);
 
 impl Random {
-    fn next(&mut self) -> f32 {
+    pub(super) fn next(&mut self) -> f32 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 17;
         self.0 ^= self.0 << 5;
@@ -21,7 +21,7 @@ impl Random {
         ((self.next() * count as f32) as usize).min(count - 1)
     }
 
-    fn vector(&mut self) -> Vec3 {
+    pub(super) fn vector(&mut self) -> Vec3 {
         Vec3::new(self.next(), self.next(), self.next())
     }
 
@@ -171,6 +171,16 @@ fn ball(centre: Vec3, radius: f32, n: u32) -> Vec<Primitive> {
     triangles
 }
 
+/// In turn: to a corner `a`, to the edge to `b`, parallel to an axis, anywhere.
+fn direction(i: usize, a: Vec3A, b: Vec3A, origin: Vec3A, random: &mut Random) -> Vec3A {
+    match i % 4 {
+        0 => a - origin,
+        1 => a.lerp(b, random.next()) - origin,
+        2 => Vec3A::AXES[i / 4 % 3],
+        _ => random.direction(),
+    }
+}
+
 #[test]
 fn no_ray_escapes_from_a_closed_mesh() {
     for (centre, radius) in
@@ -185,13 +195,7 @@ fn no_ray_escapes_from_a_closed_mesh() {
                 continue;
             };
             let (a, b) = (Vec3A::from(corners[i % 3]), Vec3A::from(corners[(i + 1) % 3]));
-            // At a corner, along an edge, parallel to an axis, anywhere.
-            let direction = match i % 4 {
-                0 => a - origin,
-                1 => a.lerp(b, random.next()) - origin,
-                2 => Vec3A::AXES[i / 4 % 3],
-                _ => random.direction(),
-            };
+            let direction = direction(i, a, b, origin, &mut random);
             let ray = Ray::new(origin, direction.normalize());
             assert!(closest(&bvh, &ray).is_some(), "{ray:?} escapes from {centre}, {radius}");
             assert!(bvh.any(&ray, |_, _| None, |_| true), "{ray:?} escapes from {centre}, {radius} unseen");
@@ -199,23 +203,40 @@ fn no_ray_escapes_from_a_closed_mesh() {
     }
 }
 
+/// The sets of instructions that this processor has.
+fn levels() -> Vec<Level> {
+    let widest = Level::new();
+    let mut levels = vec![Level::baseline(), widest];
+    #[cfg(target_arch = "x86_64")]
+    {
+        levels.extend(widest.as_sse4_2().map(|simd| simd.level()));
+        levels.extend(widest.as_avx2().map(|simd| simd.level()));
+    }
+    levels
+}
+
 #[test]
 fn hits_are_the_same_bits_whatever_the_processor_has() {
     let mut primitives = ball(Vec3::ZERO, 1.0, 16);
     primitives.extend(ball(Vec3::X, 0.7, 9));
-    let widest = Bvh::new(&primitives);
-    let baseline = Bvh { level: Level::baseline(), ..Bvh::new(&primitives) };
+    let trees: Vec<Bvh> = levels().into_iter().map(|level| Bvh { level, ..Bvh::new(&primitives) }).collect();
+    let bits = |hit: Hit| (hit.primitive, hit.t.to_bits(), hit.barycentrics.to_array().map(f32::to_bits));
     let mut random = Random(5);
     let mut hits = 0;
-    for _ in 0..20_000 {
-        let ray = Ray { t_max: 2.0, ..Ray::new(Vec3A::from(random.vector()) * 3.0 - 1.5, random.direction()) };
-        let hit = closest(&widest, &ray);
-        hits += usize::from(hit.is_some());
-        assert_eq!(hit, closest(&baseline, &ray), "{ray:?}");
-        assert_eq!(widest.any(&ray, |_, _| None, |_| true), hit.is_some(), "{ray:?}");
-        assert_eq!(baseline.any(&ray, |_, _| None, |_| true), hit.is_some(), "{ray:?}");
+    for i in 0..40_000 {
+        let Primitive::Triangle { corners, .. } = primitives[random.index(primitives.len())] else { continue };
+        let (a, b) = (Vec3A::from(corners[i % 3]), Vec3A::from(corners[(i + 1) % 3]));
+        let origin = if i % 5 == 0 { a } else { Vec3A::from(random.vector()) * 3.0 - 1.5 };
+        let direction = direction(i, a, b, origin, &mut random);
+        let ray = Ray { t_max: 2.0, ..Ray::new(origin, direction.normalize_or(Vec3A::X)) };
+        let expected = closest(&trees[0], &ray);
+        hits += usize::from(expected.is_some());
+        for bvh in &trees {
+            assert_eq!(closest(bvh, &ray).map(bits), expected.map(bits), "{:?}: {ray:?}", bvh.level);
+            assert_eq!(bvh.any(&ray, |_, _| None, |_| true), expected.is_some(), "{:?}: {ray:?}", bvh.level);
+        }
     }
-    assert!(hits > 5000, "the rays meet something: {hits}");
+    assert!(hits > 10_000, "the rays meet something: {hits}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
 use super::{Bvh, LANES};
 use crate::{Hit, Ray};
 
-/// Each node on a path leaves all but one of its children behind.
+/// Each node on a path, which is as long as the tree is deep, leaves all but one of its children behind.
 const STACK: usize = (LANES - 1) * MAX_DEPTH + 1;
 
 impl Bvh {

@@ -28,6 +28,7 @@ impl Choice {
     /// Returns the one that `u` in [0, 1) chooses, and its probability.
     #[inline]
     pub(super) fn sample(&self, u: f32) -> Option<(usize, f32)> {
+        // The same as below for a quarter of the instructions, in the scenes that are used most.
         if self.sums.len() == 1 {
             return Some((0, 1.0));
         }
