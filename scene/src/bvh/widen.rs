@@ -63,24 +63,22 @@ impl<'a> Plan<'a> {
         };
         let (left, right) = (self.weigh(left, is_form), self.weigh(right, is_form));
         let (primitives, forms) = (left.primitives + right.primitives, left.forms + right.forms);
-        // The least cost as two trees or more, and how many of them are to the left.
-        let share = |trees: usize| {
-            let cost = |&k: &usize| left.costs[k - 1] + right.costs[trees - k - 1];
-            let k = (1..trees).min_by(|i, j| cost(i).total_cmp(&cost(j))).unwrap_or(1);
-            (cost(&k), k as u8)
-        };
-        let (below, children_left) = share(LANES);
+        // The least cost as i + 2 trees, and how many of them are to the left.
+        let shares: [(f32, u8); LANES - 1] = std::array::from_fn(|i| {
+            let cost = |&k: &usize| left.costs[k] + right.costs[i - k];
+            let k = (0..=i).min_by(|a, b| cost(a).total_cmp(&cost(b))).unwrap_or(0);
+            (cost(&k), k as u8 + 1)
+        });
+        let (below, children_left) = shares[LANES - 2];
         let wide = NODE_COST * area + below;
         let is_packet = primitives <= LANES && packet(forms) <= wide;
         let mut costs = [if is_packet { packet(forms) } else { wide }; LANES];
         let mut trees_left = [0; LANES - 1];
-        for trees in 2..=LANES {
-            let (cost, k) = share(trees);
-            let fewer = costs[trees - 2];
-            if cost < fewer {
-                trees_left[trees - 2] = k;
+        for (i, (cost, k)) in shares.into_iter().enumerate() {
+            if cost < costs[i] {
+                trees_left[i] = k;
             }
-            costs[trees - 1] = cost.min(fewer);
+            costs[i + 1] = cost.min(costs[i]);
         }
         self.cuts[node] = Cut { is_packet, children_left, trees_left };
         Part { costs, primitives, forms }
