@@ -11,6 +11,7 @@ mod punctual;
 mod rectangle;
 mod region;
 mod seen;
+mod spherical_rectangle;
 mod tree;
 mod triangle;
 

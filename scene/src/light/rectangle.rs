@@ -8,12 +8,12 @@
 //! Ureña, Fajardo, King 2013: An Area-Preserving Parametrization for Spherical Rectangles.
 
 use std::f32::consts::PI;
-use std::f64::consts::TAU;
 
-use glam::{DVec2, Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 
+use super::spherical_rectangle::SphericalRectangle;
 use super::triangle::{TriangleLight, leave};
-use super::{Emission, LightSample, pdf_by_area};
+use super::{Emission, LightSample, narrow, pdf_by_area};
 use crate::{Aabb, Surface};
 
 /// An emissive rectangle.
@@ -110,7 +110,7 @@ impl RectangleLight {
     #[inline]
     pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
         let by_area = || self.pdf_by_area(wi, surface.p.distance_squared(p));
-        self.near(p).map_or_else(by_area, |near| near.pdf())
+        self.near(p).map_or_else(by_area, |near| narrow(1.0 / near.solid_angle))
     }
 
     fn pdf_by_area(&self, wi: Vec3A, distance_sq: f32) -> f32 {
@@ -132,7 +132,15 @@ impl RectangleLight {
             return None;
         }
         let low = Vec2::new(offset.dot(self.axes[0]), offset.dot(self.axes[1]));
-        SphericalRectangle::new(low, low + self.lengths, -offset.dot(self.normal))
+        let height = -offset.dot(self.normal);
+        let near = SphericalRectangle::new(low.as_dvec2(), (low + self.lengths).as_dvec2(), f64::from(height))?;
+        (near.solid_angle > LEAST_SOLID_ANGLE).then_some(near)
+    }
+
+    /// Returns the vector from `p` to the point x, y of the rectangle's own frame, whose origin is the foot of `p`.
+    #[inline]
+    fn towards(&self, place: Vec2, p: Vec3A) -> Vec3A {
+        self.axes[0] * place.x + self.axes[1] * place.y + self.normal * self.normal.dot(self.corner - p)
     }
 }
 
@@ -149,68 +157,17 @@ impl SeenRectangle<'_> {
     #[inline]
     pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
         let Self { light, p, near } = self;
-        let offset =
-            near.as_ref().map_or_else(|| light.point(u) - *p, |near| near.sample(u, &light.axes, light.normal));
+        let offset = match near {
+            Some(near) => light.towards(near.sample(f64::from(u.x), f64::from(u.y)).as_vec2(), *p),
+            None => light.point(u) - *p,
+        };
         let distance_sq = offset.length_squared();
         let distance = distance_sq.sqrt();
         let wi = offset / distance;
-        let pdf = near.as_ref().map_or_else(|| light.pdf_by_area(wi, distance_sq), |near| near.pdf()) * probability;
-        LightSample::of_surface(wi, distance, light.radiance, pdf)
-    }
-}
-
-/// A rectangle seen from the origin of a frame whose x and y are its edges; it lies at z = -`height`.
-#[derive(Debug)]
-struct SphericalRectangle {
-    low: DVec2,
-    high: DVec2,
-    height: f64,
-    /// z of the normals of the planes through the origin and the edges at `low.y` and `high.y`.
-    normals: [f64; 2],
-    /// 2 pi less the two angles at `low.x`.
-    rest: f64,
-    solid_angle: f64,
-}
-
-impl SphericalRectangle {
-    #[inline]
-    fn new(low: Vec2, high: Vec2, height: f32) -> Option<Self> {
-        let (low, high, height) = (low.as_dvec2(), high.as_dvec2(), f64::from(height));
-        let across = |x: f64| x / (x * x + height * height).sqrt();
-        let z = [-across(low.y), across(high.x), across(high.y), -across(low.x)];
-        let angle = |i: usize| (-z[i] * z[(i + 1) % 4]).clamp(-1.0, 1.0).acos();
-        let angles = [angle(0), angle(1), angle(2), angle(3)];
-        let rest = TAU - angles[2] - angles[3];
-        let solid_angle = angles[0] + angles[1] - rest;
-        let normals = [z[0], z[2]];
-        (solid_angle > LEAST_SOLID_ANGLE).then_some(Self { low, high, height, normals, rest, solid_angle })
-    }
-
-    /// Returns the density of a direction, per steradian.
-    #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-    fn pdf(&self) -> f32 {
-        (1.0 / self.solid_angle) as f32
-    }
-
-    /// Returns a vector to the rectangle whose direction is uniform per solid angle.
-    #[inline]
-    fn sample(&self, u: Vec2, axes: &[Vec3A; 2], normal: Vec3A) -> Vec3A {
-        // A plane x = const cuts off the share u.x of the solid angle.
-        let (sine, cosine) = (f64::from(u.x) * self.solid_angle + self.rest).sin_cos();
-        let f = (cosine * self.normals[0] - self.normals[1]) / sine;
-        let share = (f * f + self.normals[0] * self.normals[0]).sqrt().recip().copysign(f).clamp(-1.0, 1.0);
-        let x = share * self.height / ((1.0 - share) * (1.0 + share)).sqrt();
-        let x = if x.is_finite() { x.clamp(self.low.x, self.high.x) } else { self.high.x };
-        // Along it, the height on the sphere is uniform.
-        let depth_sq = x * x + self.height * self.height;
-        let along = |y: f64| y / (depth_sq + y * y).sqrt();
-        let (from, to) = (along(self.low.y), along(self.high.y));
-        let s = from + f64::from(u.y) * (to - from);
-        let y = (s * depth_sq.sqrt() / ((1.0 - s) * (1.0 + s)).sqrt()).clamp(self.low.y, self.high.y);
-        let place = DVec2::new(x, y).as_vec2();
-        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let height = self.height as f32;
-        axes[0] * place.x + axes[1] * place.y - normal * height
+        let pdf = match near {
+            Some(near) => narrow(1.0 / near.solid_angle),
+            None => light.pdf_by_area(wi, distance_sq),
+        };
+        LightSample::of_surface(wi, distance, light.radiance, pdf * probability)
     }
 }

@@ -3,14 +3,13 @@
 //! An ellipsoid is a ball after an affine map A, and directions to it are those of a cone: chosen uniformly in the cone of the ball and mapped back, their
 //! density is that of the cone times |det A| / |A w|^3. Of a box the sides that face the point cover its directions without overlap; each is a spherical
 //! rectangle. A point within a box looks everywhere.
-//!
-//! # Source
-//! Urena, Fajardo, King 2013: An Area-Preserving Parametrization for Spherical Rectangles.
 
 use std::f64::consts::TAU;
 
-use glam::{DAffine3, DMat3, DVec3, Vec2};
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2};
 use hemimap::double::Frame;
+
+use super::spherical_rectangle::SphericalRectangle;
 
 /// A closed region of space in which a body lies.
 #[derive(Debug, Clone, Copy)]
@@ -50,11 +49,11 @@ impl Region {
                     let last = sides.iter().rposition(Option::is_some)?;
                     for (index, side) in sides.iter().enumerate() {
                         let Some(side) = side else { continue };
-                        if area < side.solid_angle || index == last {
-                            let wi = side.sample((area / side.solid_angle).min(1.0), u.y);
+                        if area < side.rectangle.solid_angle || index == last {
+                            let wi = side.sample((area / side.rectangle.solid_angle).min(1.0), u.y);
                             return Some((wi, 1.0 / total));
                         }
-                        area -= side.solid_angle;
+                        area -= side.rectangle.solid_angle;
                     }
                     None
                 }
@@ -121,7 +120,7 @@ impl Cone {
 enum BoxView {
     Within,
     Far { towards: DVec3, cone: Cone },
-    Sides([Option<SphericalRectangle>; 3]),
+    Sides([Option<Side>; 3]),
 }
 
 impl BoxView {
@@ -146,63 +145,33 @@ impl BoxView {
                 return None;
             };
             let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-            SphericalRectangle::new(axis, z, [lo[a], hi[a]], [lo[b], hi[b]])
+            let (low, high) = (DVec2::new(lo[a], lo[b]), DVec2::new(hi[a], hi[b]));
+            // The formulas look along -z; a mirrored rectangle has the same angles.
+            SphericalRectangle::new(low, high, z.abs()).map(|rectangle| Side { axis, z, rectangle })
         }))
     }
 }
 
-fn solid_angle(sides: &[Option<SphericalRectangle>; 3]) -> f64 {
-    sides.iter().flatten().map(|side| side.solid_angle).sum()
+fn solid_angle(sides: &[Option<Side>; 3]) -> f64 {
+    sides.iter().flatten().map(|side| side.rectangle.solid_angle).sum()
 }
 
-/// A rectangle at right angles to an axis, on the unit sphere. Local x and y are the two axes after that, in their cyclic order.
-struct SphericalRectangle {
+/// A side of a box that faces the origin. Local x and y are the two axes after that at right angles to it, in their cyclic order.
+struct Side {
     axis: usize,
     /// Height over the origin along the axis, of either sign.
     z: f64,
-    x: [f64; 2],
-    y: [f64; 2],
-    solid_angle: f64,
-    /// z components of the normals of two opposite sides of the pyramid, and their angles' sum (b0, b1 and k of the paper).
-    b0: f64,
-    b1: f64,
-    k: f64,
+    rectangle: SphericalRectangle,
 }
 
-impl SphericalRectangle {
-    /// `None` where nothing is seen of it.
-    fn new(axis: usize, z: f64, x: [f64; 2], y: [f64; 2]) -> Option<Self> {
-        // The formulas look along -z; a mirrored rectangle has the same angles.
-        let below = -z.abs();
-        let corner = |i: usize, j: usize| DVec3::new(x[i], y[j], below);
-        let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-        let normal = |i: usize| corners[i].cross(corners[(i + 1) % 4]).try_normalize();
-        let n = [normal(0)?, normal(1)?, normal(2)?, normal(3)?];
-        let angle = |i: usize| (-n[i].dot(n[(i + 1) % 4])).clamp(-1.0, 1.0).acos();
-        let k = TAU - angle(2) - angle(3);
-        let solid_angle = angle(0) + angle(1) - k;
-        (solid_angle > 0.0).then_some(Self { axis, z, x, y, solid_angle, b0: n[0].z, b1: n[2].z, k })
-    }
-
+impl Side {
     /// Returns a unit direction that is uniform per solid angle.
     fn sample(&self, u: f64, v: f64) -> DVec3 {
-        let Self { axis, z, x: [x0, x1], y: [y0, y1], solid_angle, b0, b1, k } = *self;
-        // A line across the rectangle cuts off the share u of the area.
-        let (sin, cos) = (u * solid_angle + k).sin_cos();
-        let f = (cos * b0 - b1) / sin;
-        let c = (1.0f64.copysign(f) / (f * f + b0 * b0).sqrt()).clamp(-1.0, 1.0);
-        let x = (c * z.abs() / (1.0 - c * c).sqrt()).clamp(x0, x1);
-        let x = if x.is_nan() { 0.5 * (x0 + x1) } else { x };
-        // Along it the sine of the height is uniform.
-        let d_sq = x * x + z * z;
-        let h = |y: f64| y / (d_sq + y * y).sqrt();
-        let height = h(y0) + v * (h(y1) - h(y0));
-        let y = (height * (d_sq / (1.0 - height * height)).sqrt()).clamp(y0, y1);
-        let y = if y.is_nan() { 0.5 * (y0 + y1) } else { y };
+        let place = self.rectangle.sample(u, v);
         let mut wi = DVec3::ZERO;
-        wi[axis] = z;
-        wi[(axis + 1) % 3] = x;
-        wi[(axis + 2) % 3] = y;
+        wi[self.axis] = self.z;
+        wi[(self.axis + 1) % 3] = place.x;
+        wi[(self.axis + 2) % 3] = place.y;
         wi.normalize()
     }
 }
