@@ -134,14 +134,14 @@ impl<'a> PathTracer<'a> {
 
         self.rays.camera += 1;
         for vertex in 1..=MAX_PATH_VERTICES {
-            let Some(hit) = scene.intersect(&ray) else {
+            let Some(hit) = &scene.intersect(&ray) else {
                 let weight = from
                     .as_ref()
                     .map_or(1.0, |(_, step)| material_weight(step.pdf, || scene.lights().pdf_environment(step.wi)));
                 add(&mut sample.terms, flight, throughput, scene.background(ray.direction) * weight);
                 return;
             };
-            let surface = scene.surface(&ray, &hit);
+            let surface = scene.surface(&ray, hit);
             throughput = throughput.scaled(scene.transmittance(&surface));
 
             let emission = scene.emission(&surface);

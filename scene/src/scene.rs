@@ -264,6 +264,10 @@ impl Scene {
     #[inline]
     #[must_use]
     pub fn transmittance(&self, surface: &Surface) -> Vec3 {
+        if self.features.absorbing { self.transmittance_to(surface) } else { Vec3::ONE }
+    }
+
+    fn transmittance_to(&self, surface: &Surface) -> Vec3 {
         if !self.mediums.is_empty() {
             let media = self.mediums.before(surface.media, surface.medium, surface.front);
             return self.transmittance_within(media, surface.t);

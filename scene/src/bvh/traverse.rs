@@ -23,16 +23,18 @@ impl Bvh {
         form: impl Fn(u32, &Ray) -> Option<Hit>,
         keep: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
-        let mut nearest = None;
-        let mut range = *ray;
-        dispatch!(self.level, simd => self.traverse::<_, false>(simd, ray, #[inline(always)] |packet, lanes| {
-            if let Some(hit) = self.meet_packet::<_, false>(packet, &range, lanes, &form, &keep) {
-                range.t_max = hit.t;
-                nearest = Some(hit);
-            }
-            range.t_max
-        }));
-        nearest
+        dispatch!(self.level, simd => {
+            let mut nearest = None;
+            let mut range = *ray;
+            self.traverse::<_, false>(simd, ray, #[inline(always)] |packet, lanes| {
+                if let Some(hit) = self.meet_packet::<_, false>(packet, &range, lanes, &form, &keep) {
+                    range.t_max = hit.t;
+                    nearest = Some(hit);
+                }
+                range.t_max
+            });
+            nearest
+        })
     }
 
     /// Whether there is any hit; the arguments are those of [`Bvh::closest`].
