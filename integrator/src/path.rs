@@ -160,18 +160,18 @@ impl<'a> PathTracer<'a> {
             let wo = frame.to_local(-ray.direction);
             sampler.start_bounce(vertex);
 
-            // Light and direction have a pair each in every bounce. A block more is drawn for choices, where there are any; its numbers keep
-            // their meaning over the samples.
+            // Light and direction have a pair each in every bounce, choices one where there are any, and so has roulette; each number keeps its
+            // meaning over the samples.
             let (u_point, u_direction) = (sampler.next_pair(), sampler.next_pair());
-            let has_choice = self.has_light_choice || vertex >= ROULETTE_START || bsdf.has_choice();
-            let [u_light, u_lobe, u_roulette, _] = if has_choice { sampler.next_4d() } else { [0.5; 4] };
+            let has_choice = self.has_light_choice || bsdf.has_choice();
+            let u_choice = if has_choice { sampler.next_pair() } else { Vec2::splat(0.5) };
             if !bsdf.is_delta()
-                && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_light, u_point)
+                && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_choice.x, u_point)
             {
                 add(&mut sample.terms, flight.after(false), throughput, reflected);
             }
 
-            let Some(next) = bsdf.sample(Lobes::ALL, wo, u_lobe, u_direction) else { return };
+            let Some(next) = bsdf.sample(Lobes::ALL, wo, u_choice.y, u_direction) else { return };
             let wi = frame.to_world(next.wi);
             if !is_on_side(&surface, wi, next.transmitted) {
                 return;
@@ -183,7 +183,7 @@ impl<'a> PathTracer<'a> {
             if vertex >= ROULETTE_START {
                 // The root lets twice as many paths live as the throughput itself would: a tenth less error for the same time.
                 let survival = (throughput.sum().max_element() / radiance_scale).sqrt().min(MAX_SURVIVAL);
-                if u_roulette >= survival {
+                if sampler.next_pair().x >= survival {
                     return;
                 }
                 throughput = throughput.scaled(Vec3::splat(1.0 / survival));

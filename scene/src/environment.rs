@@ -87,25 +87,23 @@ impl Environment {
         if self.pixels.len() == 1 {
             return self.pixels[0];
         }
-        let x = uv.x * self.width as f32 - 0.5;
-        let y = (uv.y * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
-        let (column, fx) = split(x);
-        let (row, fy) = split(y);
-        let left = column.rem_euclid(self.width as usize as isize).unsigned_abs();
-        let right = if left + 1 == self.width as usize { 0 } else { left + 1 };
-        let top = row.unsigned_abs();
-        let bottom = (top + 1).min(self.height as usize - 1);
-        let at = |x: usize, y: usize| self.pixels[y * self.width as usize + x];
+        let (width, height) = (self.width as usize, self.height as usize);
+        // The texels to the right and below; a cast rounds down, for these numbers are positive.
+        let (right, fx) = split(uv.x * self.width as f32 + 0.5);
+        let (bottom, fy) = split(uv.y * self.height as f32 + 0.5);
+        let (left, right) = (if right == 0 { width } else { right } - 1, if right >= width { 0 } else { right });
+        let (top, bottom) = (bottom.max(1) - 1, bottom.min(height - 1));
+        let at = |x: usize, y: usize| self.pixels[y * width + x];
         at(left, top).lerp(at(right, top), fx).lerp(at(left, bottom).lerp(at(right, bottom), fx), fy)
     }
 }
 
-/// Returns the whole part of a small number and the rest.
+/// Returns the whole part of a small positive number and the rest.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "a column or row number")]
-fn split(x: f32) -> (isize, f32) {
-    let floor = x.floor();
-    (floor as isize, x - floor)
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a column or row number")]
+fn split(x: f32) -> (usize, f32) {
+    let whole = x as usize;
+    (whole, x - whole as f32)
 }
 
 /// Returns where a unit direction lies in the picture, in [0, 1]^2.

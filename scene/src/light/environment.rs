@@ -8,7 +8,7 @@ use std::f32::consts::TAU;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere};
+use super::{Emission, LightSample, Sphere, is_above};
 use crate::Environment;
 use crate::environment::direction_to_uv;
 
@@ -88,14 +88,28 @@ impl EnvironmentLight {
         self.integral * surroundings.cross_section()
     }
 
+    /// Returns a direction; `None` below the horizon of the normal `n`.
     #[inline]
-    pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
+    pub(super) fn sample_above(&self, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
+        let wi = self.direction(u);
+        // What lies below need not be looked up.
+        is_above(n, wi).then(|| self.sample_at(wi, probability)).flatten()
+    }
+
+    /// Returns the direction that a pair of numbers chooses.
+    #[inline]
+    fn direction(&self, u: Vec2) -> Vec3A {
         let (row, y) = self.rows.invert(0, u.y);
         let (column, x) = self.columns.invert(row, u.x);
         let cosine = self.cosines[row] + (self.cosines[row + 1] - self.cosines[row]) * y;
         let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
         let (sin_phi, cos_phi) = (TAU * (column as f32 + x) / self.environment.width as f32).sin_cos();
-        let wi = Vec3A::new(sine * sin_phi, cosine, -sine * cos_phi);
+        Vec3A::new(sine * sin_phi, cosine, -sine * cos_phi)
+    }
+
+    /// Returns what shines in a direction that was chosen; `None` where its density is 0.
+    #[inline]
+    fn sample_at(&self, wi: Vec3A, probability: f32) -> Option<LightSample> {
         // Rounding may have moved wi to the next cell: the density is that of where it is, as for a ray that comes by chance.
         let uv = direction_to_uv(wi);
         let pdf = self.pdf_at(uv) * probability;
@@ -119,7 +133,7 @@ impl EnvironmentLight {
     }
 
     pub(super) fn emit(&self, surroundings: &Sphere, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
-        let sample = self.sample(u_direction, 1.0)?;
+        let sample = self.sample_at(self.direction(u_direction), 1.0)?;
         let flux = sample.radiance * (surroundings.cross_section() / sample.pdf);
         Some(Emission { ray: surroundings.ray(-sample.wi, u_position), flux })
     }
@@ -269,7 +283,7 @@ mod tests {
         let side = 256;
         for number in 0..side * side {
             let u = (Vec2::new((number % side) as f32, (number / side) as f32) + 0.5) / side as f32;
-            let sample = light.sample(u, 1.0).unwrap();
+            let sample = light.sample_at(light.direction(u), 1.0).unwrap();
             let value = part(sample.radiance).x / sample.pdf / (side * side) as f32;
             sum += value;
             if sample.radiance.x < 20.0 {

@@ -18,7 +18,7 @@ use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3A};
 use hemimap::double::Frame;
 
 use super::region::Region;
-use super::{Emission, LightSample};
+use super::{Emission, LightSample, is_above};
 use crate::body::Body;
 use crate::mix::mixed;
 use crate::{Aabb, Ray, surface};
@@ -88,8 +88,8 @@ impl FormLight {
     }
 
     #[inline]
-    pub(super) fn sample(&self, p: Vec3A, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
-        let (p, n) = (p.as_dvec3(), n.as_dvec3());
+    pub(super) fn sample(&self, p: Vec3A, normal: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
+        let (p, n) = (p.as_dvec3(), normal.as_dvec3());
         let (wi, pdf) = self.region.sample(p, u)?;
         if n.dot(wi) <= 0.0 {
             return None;
@@ -99,6 +99,9 @@ impl FormLight {
         let offset = ray.at(t) - p;
         let distance = offset.length();
         let wi = (offset / distance).as_vec3a();
+        if !is_above(normal, wi) {
+            return None;
+        }
         #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
         let (distance, pdf) = (distance as f32, pdf as f32);
         LightSample::of_surface(wi, distance, self.radiance * count, pdf * probability)

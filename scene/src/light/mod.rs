@@ -81,6 +81,12 @@ impl LightSample {
     }
 }
 
+/// Whether a direction is above the horizon of a surface with normal `n`.
+#[inline]
+fn is_above(n: Vec3A, wi: Vec3A) -> bool {
+    n.dot(wi) > 0.0
+}
+
 /// Density per steradian of a point that was chosen uniformly on an area and is seen at the cosine to its normal; 0 where that is no number
 /// or the point is seen from behind.
 #[inline]

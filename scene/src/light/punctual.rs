@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere};
+use super::{Emission, LightSample, Sphere, is_above};
 use crate::{PunctualLight, Ray};
 
 /// Returns the light with a unit direction.
@@ -26,24 +26,20 @@ pub(super) fn flux(light: &PunctualLight, surroundings: &Sphere) -> Vec3 {
 }
 
 #[inline]
-pub(super) fn sample(light: &PunctualLight, p: Vec3A, probability: f32) -> Option<LightSample> {
+pub(super) fn sample(light: &PunctualLight, p: Vec3A, n: Vec3A, probability: f32) -> Option<LightSample> {
     match *light {
         PunctualLight::Point { position, intensity } => {
             let offset = Vec3A::from(position) - p;
             let distance = offset.length();
-            let radiance = intensity / (distance * distance);
+            let (wi, radiance) = (offset / distance, intensity / (distance * distance));
             // At the light itself the irradiance has no bound.
-            radiance.is_finite().then(|| LightSample {
-                wi: offset / distance,
-                distance,
-                radiance,
-                pdf: probability,
-                delta: true,
-            })
+            let is_sound = is_above(n, wi) && radiance.is_finite();
+            is_sound.then_some(LightSample { wi, distance, radiance, pdf: probability, delta: true })
         }
         PunctualLight::Directional { direction, irradiance } => {
             let wi = -Vec3A::from(direction);
-            Some(LightSample { wi, distance: f32::INFINITY, radiance: irradiance, pdf: probability, delta: true })
+            let distance = f32::INFINITY;
+            is_above(n, wi).then_some(LightSample { wi, distance, radiance: irradiance, pdf: probability, delta: true })
         }
     }
 }

@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3, Vec3A};
 
 use super::spherical_rectangle::SphericalRectangle;
 use super::triangle::{TriangleLight, leave};
-use super::{Emission, LightSample, narrow, pdf_by_area};
+use super::{Emission, LightSample, is_above, narrow, pdf_by_area};
 use crate::{Aabb, Surface};
 
 /// An emissive rectangle.
@@ -153,9 +153,9 @@ pub(super) struct SeenRectangle<'a> {
 }
 
 impl SeenRectangle<'_> {
-    /// Returns a direction to it.
+    /// Returns a direction to it; `None` below the horizon of the normal `n`.
     #[inline]
-    pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
+    pub(super) fn sample(&self, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
         let Self { light, p, near } = self;
         let offset = match near {
             Some(near) => light.towards(near.sample(f64::from(u.x), f64::from(u.y)).as_vec2(), *p),
@@ -164,6 +164,9 @@ impl SeenRectangle<'_> {
         let distance_sq = offset.length_squared();
         let distance = distance_sq.sqrt();
         let wi = offset / distance;
+        if !is_above(n, wi) {
+            return None;
+        }
         let pdf = match near {
             Some(near) => narrow(1.0 / near.solid_angle),
             None => light.pdf_by_area(wi, distance_sq),

@@ -93,14 +93,13 @@ impl<'a> SeenLights<'a> {
             };
             self.last = Some((light, seen));
         }
-        let sample = match &self.last.as_ref()?.1 {
-            SeenLight::Rectangle(light) => light.sample(u, probability)?,
-            SeenLight::Triangle(light) => light.sample(u, probability)?,
-            SeenLight::Form(light) => light.sample(p, n, u, probability)?,
-            SeenLight::Punctual(light) => punctual::sample(light, p, probability)?,
-            SeenLight::Environment(light) => light.sample(u, probability)?,
-            SeenLight::Dark => return None,
-        };
-        (n.dot(sample.wi) > 0.0).then_some(sample)
+        match &self.last.as_ref()?.1 {
+            SeenLight::Rectangle(light) => light.sample(n, u, probability),
+            SeenLight::Triangle(light) => light.sample(n, u, probability),
+            SeenLight::Form(light) => light.sample(p, n, u, probability),
+            SeenLight::Punctual(light) => punctual::sample(light, p, n, probability),
+            SeenLight::Environment(light) => light.sample_above(n, u, probability),
+            SeenLight::Dark => None,
+        }
     }
 }

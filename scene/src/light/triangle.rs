@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, pdf_by_area};
+use super::{Emission, LightSample, is_above, pdf_by_area};
 use crate::{Ray, Surface, surface};
 
 /// An emissive triangle.
@@ -114,25 +114,32 @@ pub(super) struct SeenTriangle<'a> {
 }
 
 impl SeenTriangle<'_> {
-    /// Returns a direction to it.
+    /// Returns a direction to it; `None` below the horizon of the normal `n`.
     #[inline]
-    pub(super) fn sample(&self, u: Vec2, probability: f32) -> Option<LightSample> {
+    pub(super) fn sample(&self, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
         let Self { light, p, near } = self;
         match near {
             Some(triangle) => {
                 let direction = triangle.sample(u);
+                let wi = direction.as_vec3a();
+                if !is_above(n, wi) {
+                    return None;
+                }
                 let [a, b, c] = light.corners.map(|corner| corner.as_dvec3());
                 let normal = (b - a).cross(c - a);
                 let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
                 #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
                 let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
-                LightSample::of_surface(direction.as_vec3a(), distance, light.radiance, pdf * probability)
+                LightSample::of_surface(wi, distance, light.radiance, pdf * probability)
             }
             None => {
                 let offset = light.point(u) - *p;
                 let distance_sq = offset.length_squared();
                 let distance = distance_sq.sqrt();
                 let wi = offset / distance;
+                if !is_above(n, wi) {
+                    return None;
+                }
                 let pdf = pdf_by_area(-light.normal.dot(wi), light.area, distance_sq) * probability;
                 LightSample::of_surface(wi, distance, light.radiance, pdf)
             }
