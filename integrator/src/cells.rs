@@ -59,13 +59,20 @@ const RESOLUTION_FACTOR: f32 = 2.0;
 pub(crate) struct Cells {
     width: f32,
     table: Table,
-    /// Irradiance of each cell, W m^-2: straight from the sources, and by reflections, caustics included.
-    direct: Vec<Vec3>,
-    indirect: Vec<Vec3>,
-    /// The part of `indirect` that came by caustics.
-    caustic: Vec<Vec3>,
+    light: Vec<CellLight>,
     /// Whether something divides the cell, so that its mean light is that of neither side.
     divided: Vec<bool>,
+}
+
+/// Irradiance of a cell, W m^-2.
+#[derive(Debug, Clone, Copy, Default)]
+struct CellLight {
+    /// Straight from the sources.
+    direct: Vec3,
+    /// By reflections, caustics included.
+    indirect: Vec3,
+    /// The part of that which came by caustics.
+    caustic: Vec3,
 }
 
 /// What cells are made from.
@@ -288,8 +295,6 @@ impl Cells {
     /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to come, unless light goes to
     /// and fro between two sides: there, what is added at once takes the iteration away from its end, and so is given up as soon as it has not helped.
     fn solve(&mut self, rows: &[Row]) {
-        self.direct = rows.iter().map(|row| row.direct).collect();
-        self.caustic = rows.iter().map(|row| row.caustic).collect();
         let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
         let mut last_change = f64::INFINITY;
         // At the last extrapolation; none is made where this is 0.
@@ -298,7 +303,7 @@ impl Cells {
             let mut next: Vec<Vec3> = rows
                 .par_iter()
                 .map(|row| {
-                    let all = |cell: u32| self.direct[cell as usize] + indirect[cell as usize];
+                    let all = |cell: u32| rows[cell as usize].direct + indirect[cell as usize];
                     row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
                 })
                 .collect();
@@ -323,22 +328,19 @@ impl Cells {
                 break;
             }
         }
-        self.indirect = indirect;
+        let light = |(row, indirect): (&Row, Vec3)| CellLight { direct: row.direct, indirect, caustic: row.caustic };
+        self.light = rows.iter().zip(indirect).map(light).collect();
     }
 
     /// Bytes that cells take.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.direct.len() * 3 * size_of::<Vec3>() + self.table.slots.len() * size_of::<(u64, u32)>()
+        self.light.len() * size_of::<CellLight>() + self.table.slots.len() * size_of::<u64>()
     }
 
     /// The light of the cell of a surface; `None` where there is no cell, or one that something divides.
     pub(crate) fn look_up(&self, surface: &Surface) -> Option<Known> {
-        let cell = self.cell_of(surface)? as usize;
-        Some(Known {
-            direct: Some(self.direct[cell]),
-            indirect: self.indirect[cell],
-            resolution: RESOLUTION_FACTOR * self.width,
-        })
+        let CellLight { direct, indirect, .. } = self.light[self.cell_of(surface)? as usize];
+        Some(Known { direct: Some(direct), indirect, resolution: RESOLUTION_FACTOR * self.width })
     }
 
     fn cell_of(&self, surface: &Surface) -> Option<u32> {
@@ -363,7 +365,10 @@ impl Secondary for CellSource<'_> {
 
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         let cell = self.cells.cell_of(surface);
-        cell.map_or_else(|| self.photons.quick_caustic_irradiance(surface), |cell| self.cells.caustic[cell as usize])
+        cell.map_or_else(
+            || self.photons.quick_caustic_irradiance(surface),
+            |cell| self.cells.light[cell as usize].caustic,
+        )
     }
 }
 
@@ -372,12 +377,12 @@ fn white(point: &Shading) -> Shading {
     Shading { bsdf: Bsdf { diffuse: Vec3::ONE, specular: Specular::None }, ..*point }
 }
 
-/// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Never 0.
+/// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Its upper bits are never 0.
 fn key(surface: &Surface, width: f32) -> u64 {
     let cube: IVec3 = (surface.p / width).floor().as_ivec3();
     let side = side_of(surface.ng) as u64;
     let bits = |x: i32| u64::from(x.cast_unsigned()) & 0x1f_ffff;
-    hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1
+    hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1 << 63
 }
 
 /// The axis nearest to a normal and its direction along it, below 6.
@@ -396,33 +401,40 @@ pub(crate) fn side_of(n: Vec3A) -> usize {
 /// Keys to numbers in their order, by open addressing.
 #[derive(Debug, Default)]
 struct Table {
-    /// Key and number; key 0 is a free slot.
-    slots: Vec<(u64, u32)>,
+    /// The upper bits of a key above its number, so that a cache line has eight; 0 is a free slot. That two keys share these bits and their slot would take
+    /// a hundred million pictures.
+    slots: Vec<u64>,
 }
 
 impl Table {
-    /// Numbers keys, each of which comes once.
+    const NUMBERS: u64 = (1 << 24) - 1;
+
+    /// Numbers keys, each of which comes once; there are fewer than 2^24.
     fn new(keys: impl ExactSizeIterator<Item = u64>) -> Self {
-        let mut table = Self { slots: vec![(0, 0); (2 * keys.len() + 1).next_power_of_two()] };
-        for (key, number) in keys.zip(0u32..) {
+        assert!(keys.len() as u64 <= Self::NUMBERS, "probes find fewer cells");
+        let mut table = Self { slots: vec![0; (2 * keys.len() + 1).next_power_of_two()] };
+        for (key, number) in keys.zip(0u64..) {
             let slot = table.slot(key);
-            table.slots[slot] = (key, number);
+            table.slots[slot] = key & !Self::NUMBERS | number;
         }
         table
     }
 
+    #[inline]
     fn find(&self, key: u64) -> Option<u32> {
-        let (found, number) = *self.slots.get(self.slot(key))?;
-        (found == key).then_some(number)
+        let found = *self.slots.get(self.slot(key))?;
+        #[expect(clippy::cast_possible_truncation, reason = "24 bits")]
+        let number = (found & Self::NUMBERS) as u32;
+        (found != 0).then_some(number)
     }
 
     /// The slot of a key, or the free one where it belongs.
     fn slot(&self, key: u64) -> usize {
         let mask = self.slots.len().wrapping_sub(1);
-        let mut slot = usize::try_from((key >> 8) & mask as u64).expect("masked to an index");
-        while let Some(&(found, _)) = self.slots.get(slot)
+        let mut slot = usize::try_from(key & mask as u64).expect("masked to an index");
+        while let Some(&found) = self.slots.get(slot)
             && found != 0
-            && found != key
+            && (found ^ key) > Self::NUMBERS
         {
             slot = (slot + 1) & mask;
         }
@@ -447,7 +459,7 @@ mod tests {
             .collect();
         let mut cells = Cells::default();
         cells.solve(&rows);
-        cells.indirect.iter().zip(&cells.direct).map(|(indirect, direct)| (*indirect + *direct).x).collect()
+        cells.light.iter().map(|light| (light.indirect + light.direct).x).collect()
     }
 
     #[test]

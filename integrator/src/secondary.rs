@@ -205,36 +205,27 @@ impl<'a> DirectLight<'a> {
     /// Takes one sample.
     #[inline]
     pub(crate) fn sample(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
+        let count = self.ways.count;
+        if count > 1 {
+            return self.pick(count, u, rays);
+        }
+        let light = self.choose(u[0], Vec2::new(u[1], u[2]));
+        light.map_or(Vec3::ZERO, |(light, value)| self.shadowed(&light, value, rays))
+    }
+
+    /// Chooses one of `count` directions by what they would bring, and traces it.
+    fn pick(&mut self, count: u32, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
         /// A sequence of low discrepancy (Roberts 2018).
         const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
-        let Shading { surface, frame, bsdf, wo } = self.shading;
-        let LightWays { count, choice, sky } = self.ways;
         let mut total = 0.0;
         let mut u_pick = u[3];
-        let mut picked: Option<(LightSample, Vec3, f32)> = None;
-        let (mut u_choice, mut u_direction) = (u[0], Vec2::new(u[1], u[2]));
+        let mut picked = None;
         for number in 0..count {
-            if number > 0 {
-                let number = number as f32;
-                u_choice = (u[0] + number / count as f32).fract();
-                u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
-            }
-            let light = match choice {
-                Some(choice) => choice.sample(&mut self.lights, u_choice, u_direction),
-                None => self.lights.sample(u_choice, u_direction),
-            };
-            let Some(mut light) = light else { continue };
-            let wi = frame.to_local(light.wi);
-            if wi.z <= 0.0 || !self.shading.leaves(light.wi, wi) {
-                continue;
-            }
-            light.pdf *= count as f32;
-            let value = unshadowed(bsdf, self.lobes, *wo, wi, &light, sky);
+            let number = number as f32;
+            let u_choice = (u[0] + number / count as f32).fract();
+            let u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
+            let Some((light, value)) = self.choose(u_choice, u_direction) else { continue };
             let weight = value.max_element();
-            let is_sound = weight > 0.0 && weight.is_finite();
-            if !is_sound {
-                continue;
-            }
             total += weight;
             // What is left of the number is uniform again.
             let share = weight / total;
@@ -245,12 +236,37 @@ impl<'a> DirectLight<'a> {
                 u_pick = (u_pick - share) / (1.0 - share);
             }
         }
-        let Some((light, value, weight)) = picked else { return Vec3::ZERO };
+        picked.map_or(Vec3::ZERO, |(light, value, weight)| self.shadowed(&light, value * (total / weight), rays))
+    }
+
+    /// Returns a direction to a light and what it would bring; `None` for nothing.
+    #[inline]
+    fn choose(&mut self, u_choice: f32, u_direction: Vec2) -> Option<(LightSample, Vec3)> {
+        let Shading { frame, bsdf, wo, .. } = self.shading;
+        let LightWays { count, choice, sky } = self.ways;
+        let mut light = match choice {
+            Some(choice) => choice.sample(&mut self.lights, u_choice, u_direction),
+            None => self.lights.sample(u_choice, u_direction),
+        }?;
+        let wi = frame.to_local(light.wi);
+        if wi.z <= 0.0 || !self.shading.leaves(light.wi, wi) {
+            return None;
+        }
+        light.pdf *= count as f32;
+        let value = unshadowed(bsdf, self.lobes, *wo, wi, &light, sky);
+        let weight = value.max_element();
+        (weight > 0.0 && weight.is_finite()).then_some((light, value))
+    }
+
+    /// Returns `value` where nothing stands between, less what is absorbed on the way.
+    #[inline]
+    fn shadowed(&self, light: &LightSample, value: Vec3, rays: &mut RayCounts) -> Vec3 {
+        let surface = &self.shading.surface;
         rays.shadow += 1;
         if self.scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
             return Vec3::ZERO;
         }
-        value * (total / weight) * self.scene.transmittance_within(surface.media, light.distance)
+        value * self.scene.transmittance_within(surface.media, light.distance)
     }
 }
 
