@@ -74,11 +74,12 @@ impl Plan {
         let texture_alpha = study.texture_alpha.unwrap_or(0.5);
         let has_textures = features.widest_metal >= texture_alpha.max(f32::MIN_POSITIVE);
         // The rim of a window in the sky and a lobe need more texels than irradiance does. Where a point may look for itself instead, by which it sees more for
-        // the same time, records of radiance reach less far: least where a look is cheap, as it is not with the rim of a sky in it.
+        // the same time, records of radiance reach less far: least where a look is cheap, as it is not with the rim of a sky in it. Without sky and textures
+        // reprojection takes no less time than the rays of a look, so that only points close to a record ask it.
         let (record_n, look_n, spacing) = match (features.environment, has_textures) {
             (true, _) => (48.0, 24.0, 0.15),
             (false, true) => (40.0, 20.0, 0.2),
-            (false, false) => (32.0, 20.0, 0.1),
+            (false, false) => (32.0, 20.0, 0.03),
         };
         // With a cache, twice the time is shared by the number of records and by their rays.
         let with_cache = |base: f32| round(base * quality.sqrt().sqrt(), 8.0, 64.0);
