@@ -423,9 +423,7 @@ impl Table {
     #[inline]
     fn find(&self, key: u64) -> Option<u32> {
         let found = *self.slots.get(self.slot(key))?;
-        #[expect(clippy::cast_possible_truncation, reason = "24 bits")]
-        let number = (found & Self::NUMBERS) as u32;
-        (found != 0).then_some(number)
+        (found != 0).then_some((found & Self::NUMBERS) as u32)
     }
 
     /// The slot of a key, or the free one where it belongs.

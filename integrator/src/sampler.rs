@@ -213,7 +213,7 @@ impl Rng {
 
     /// Returns a number in [0, 1), a multiple of 2^-24.
     pub const fn next_1d(&mut self) -> f32 {
-        (self.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0)
+        unit_interval((self.next_u32() as u64) << 32)
     }
 
     /// Returns a pair of numbers in [0, 1).

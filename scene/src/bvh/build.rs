@@ -6,7 +6,7 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
-use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
+use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet, form_of};
 use super::{Bvh, LANES, Node, median, widen};
 use crate::Aabb;
 
@@ -76,8 +76,8 @@ impl Bvh {
                 self.nodes[node].set(lane, bounds.min, bounds.max, child);
             }
         }
-        let is_form = |&lane: &u32| lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE;
-        self.has_forms = self.packets.iter().any(|packet| packet.primitives.iter().any(is_form));
+        let has_form = |packet: &Packet| packet.primitives.into_iter().any(|lane| form_of(lane).is_some());
+        self.has_forms = self.packets.iter().any(has_form);
         self.nodes.shrink_to_fit();
         self.packets.shrink_to_fit();
     }

@@ -55,6 +55,12 @@ impl Lanes {
         Self { mask: 0, t: [0.0; LANES], v: [0.0; LANES], w: [0.0; LANES], det_inv: [0.0; LANES], doubt: 0 };
 }
 
+/// Returns the primitive of a lane that holds a free form.
+pub(super) fn form_of(lane: u32) -> Option<u32> {
+    let primitive = lane & PRIMITIVE;
+    (lane & FORM != 0 && primitive != PRIMITIVE).then_some(primitive)
+}
+
 impl Packet {
     /// A packet of nothing.
     pub(super) const EMPTY: Self = Self { corners: [[[f32::NAN; LANES]; 3]; 3], primitives: [FORM | PRIMITIVE; LANES] };

@@ -5,7 +5,7 @@ use fearless_simd::{Simd, SimdBase, dispatch};
 
 use super::build::MAX_DEPTH;
 use super::lane_ray::LaneRay;
-use super::packet::{CUT_OUT, FORM, PRIMITIVE, Packet};
+use super::packet::{CUT_OUT, PRIMITIVE, Packet, form_of};
 use super::{Bvh, LANES};
 use crate::{Hit, Ray};
 
@@ -143,15 +143,12 @@ fn meet_forms<const ANY: bool>(
     mut nearest: Option<Hit>,
 ) -> Option<Hit> {
     let mut t_max = nearest.map_or(ray.t_max, |hit| hit.t);
-    for lane in packet.primitives {
-        if lane & FORM != 0 && lane & PRIMITIVE != PRIMITIVE {
-            let primitive = lane & PRIMITIVE;
-            if let Some(hit) = form(primitive, &Ray { t_max, ..*ray }) {
-                t_max = hit.t;
-                nearest = Some(hit);
-                if ANY {
-                    return nearest;
-                }
+    for primitive in packet.primitives.into_iter().filter_map(form_of) {
+        if let Some(hit) = form(primitive, &Ray { t_max, ..*ray }) {
+            t_max = hit.t;
+            nearest = Some(hit);
+            if ANY {
+                return nearest;
             }
         }
     }
