@@ -60,8 +60,6 @@ pub(crate) struct Cells {
     width: f32,
     table: Table,
     light: Vec<CellLight>,
-    /// Whether something divides the cell, so that its mean light is that of neither side.
-    divided: Vec<bool>,
 }
 
 /// Irradiance of a cell, W m^-2.
@@ -110,14 +108,18 @@ impl CellBuilder<'_> {
         }
         let middle = distances.len() / 2;
         let width = WIDTH_SHARE * *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let (table, members) = sort_into_cells(&hits, width);
-        let mut cells = Cells { width, table, ..Cells::default() };
-        let ray_count = (self.ray_budget as usize / members.len()).clamp(8, 256);
-        cells.divided = members.par_iter().map(|points| self.is_divided(points, width)).collect();
-        let rows: Vec<Row> = members
+        // A cell that something divides is left out: its mean light would be that of neither side.
+        let found: Vec<(u64, Vec<Shading>)> = sort_into_cells(&hits, width)
+            .into_par_iter()
+            .filter(|(_, points)| !self.is_divided(points, width))
+            .collect();
+        let table = Table::new(found.iter().map(|&(key, _)| key));
+        let mut cells = Cells { width, table, light: Vec::new() };
+        let ray_count = (self.ray_budget as usize / found.len().max(1)).clamp(8, 256);
+        let rows: Vec<Row> = found
             .par_iter()
             .enumerate()
-            .map(|(cell, points)| self.row(&cells, cell as u64, points, ray_count))
+            .map(|(cell, (_, points))| self.row(&cells, cell as u64, points, ray_count))
             .collect();
         for row in &rows {
             *rays += row.rays;
@@ -246,8 +248,8 @@ impl CellBuilder<'_> {
     }
 }
 
-/// Finds the cells of hits, and the first hits in each.
-fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> (Table, Vec<Vec<Shading>>) {
+/// Finds the cells of hits: their keys, and the first hits in each.
+fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> Vec<(u64, Vec<Shading>)> {
     // Keys with the numbers of their hits, so that sorting is the same for any number of threads.
     let mut keys: Vec<(u64, u32, u32)> = hits
         .par_iter()
@@ -259,10 +261,8 @@ fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> (Table, Vec<Vec
         .collect();
     keys.par_sort_unstable();
     let cells: Vec<&[(u64, u32, u32)]> = keys.chunk_by(|a, b| a.0 == b.0).collect();
-    let table = Table::new(cells.iter().map(|cell| cell[0].0));
     let hit = |&(_, probe, i): &(u64, u32, u32)| hits[probe as usize][i as usize].0;
-    let members = cells.into_par_iter().map(|cell| cell.iter().take(MAX_WITNESSES).map(hit).collect()).collect();
-    (table, members)
+    cells.into_par_iter().map(|cell| (cell[0].0, cell.iter().take(MAX_WITNESSES).map(hit).collect())).collect()
 }
 
 /// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
@@ -344,7 +344,7 @@ impl Cells {
     }
 
     fn cell_of(&self, surface: &Surface) -> Option<u32> {
-        self.table.find(key(surface, self.width)).filter(|&cell| !self.divided[cell as usize])
+        self.table.find(key(surface, self.width))
     }
 }
 
@@ -401,12 +401,13 @@ pub(crate) fn side_of(n: Vec3A) -> usize {
 /// Keys to numbers in their order, by open addressing.
 #[derive(Debug, Default)]
 struct Table {
-    /// The upper bits of a key above its number, so that a cache line has eight; 0 is a free slot. That two keys share these bits and their slot would take
-    /// a hundred million pictures.
+    /// The upper 40 bits of a key above its number, so that a cache line has eight; 0 is a free slot. For one picture in some 100,000 a place without a cell
+    /// is taken for one that has the same bits and slot.
     slots: Vec<u64>,
 }
 
 impl Table {
+    /// The lower bits, which hold the number.
     const NUMBERS: u64 = (1 << 24) - 1;
 
     /// Numbers keys, each of which comes once; there are fewer than 2^24.
@@ -480,6 +481,23 @@ mod tests {
             for (cell, found) in solved(rows).into_iter().enumerate() {
                 let expected = cell as f32 + w * mean;
                 assert!((found / expected - 1.0).abs() < 1e-3, "{w}: {found} is not {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn table_finds_the_keys_that_it_has() {
+        assert_eq!(Table::default().find(1 << 63), None, "no slots");
+        // Unrelated keys, and keys whose slots are the same and wrap round the end.
+        let unrelated = |i: u64| hash(i) | 1 << 63;
+        let crowded = |i: u64| i << 40 | 1 << 63 | 0xff_ffff;
+        for key in [&unrelated as &dyn Fn(u64) -> u64, &crowded] {
+            for count in [0, 1, 2, 7, 8, 1000] {
+                let table = Table::new((0..count).map(key).collect::<Vec<u64>>().into_iter());
+                for i in 0..count + 100 {
+                    let expected = (i < count).then(|| u32::try_from(i).unwrap());
+                    assert_eq!(table.find(key(i)), expected, "key {i} of {count}");
+                }
             }
         }
     }

@@ -134,6 +134,7 @@ impl<'a> PathTracer<'a> {
 
         self.rays.camera += 1;
         for vertex in 1..=MAX_PATH_VERTICES {
+            // By reference: to move a hit is to wait for the stores of its parts.
             let Some(hit) = &scene.intersect(&ray) else {
                 let weight = from
                     .as_ref()
@@ -160,9 +161,10 @@ impl<'a> PathTracer<'a> {
             let wo = frame.to_local(-ray.direction);
             sampler.start_bounce(vertex);
 
-            // Light and direction have a pair each in every bounce, choices one where there are any, and so has roulette; each number keeps its
-            // meaning over the samples.
+            // Light and direction have a pair each in every bounce, roulette has one where it plays, and choices have the last where there are any: so the
+            // numbers before keep their meaning over the samples.
             let (u_point, u_direction) = (sampler.next_pair(), sampler.next_pair());
+            let u_roulette = if vertex >= ROULETTE_START { sampler.next_pair().x } else { 0.0 };
             let has_choice = self.has_light_choice || bsdf.has_choice();
             let u_choice = if has_choice { sampler.next_pair() } else { Vec2::splat(0.5) };
             if !bsdf.is_delta()
@@ -183,7 +185,7 @@ impl<'a> PathTracer<'a> {
             if vertex >= ROULETTE_START {
                 // The root lets twice as many paths live as the throughput itself would: a tenth less error for the same time.
                 let survival = (throughput.sum().max_element() / radiance_scale).sqrt().min(MAX_SURVIVAL);
-                if sampler.next_pair().x >= survival {
+                if u_roulette >= survival {
                     return;
                 }
                 throughput = throughput.scaled(Vec3::splat(1.0 / survival));

@@ -205,18 +205,18 @@ impl<'a> DirectLight<'a> {
     /// Takes one sample.
     #[inline]
     pub(crate) fn sample(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
-        let count = self.ways.count;
-        if count > 1 {
-            return self.pick(count, u, rays);
+        if self.ways.count > 1 {
+            return self.pick(u, rays);
         }
         let light = self.choose(u[0], Vec2::new(u[1], u[2]));
         light.map_or(Vec3::ZERO, |(light, value)| self.shadowed(&light, value, rays))
     }
 
-    /// Chooses one of `count` directions by what they would bring, and traces it.
-    fn pick(&mut self, count: u32, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
+    /// Chooses one of several directions by what they would bring, and traces it.
+    fn pick(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
         /// A sequence of low discrepancy (Roberts 2018).
         const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+        let count = self.ways.count;
         let mut total = 0.0;
         let mut u_pick = u[3];
         let mut picked = None;
@@ -239,12 +239,12 @@ impl<'a> DirectLight<'a> {
         picked.map_or(Vec3::ZERO, |(light, value, weight)| self.shadowed(&light, value * (total / weight), rays))
     }
 
-    /// Returns a direction to a light and what it would bring; `None` for nothing.
+    /// Returns a direction to a light and what it would bring as one of `ways.count`; `None` for nothing.
     #[inline]
     fn choose(&mut self, u_choice: f32, u_direction: Vec2) -> Option<(LightSample, Vec3)> {
         let Shading { frame, bsdf, wo, .. } = self.shading;
         let LightWays { count, choice, sky } = self.ways;
-        let mut light = match choice {
+        let light = match choice {
             Some(choice) => choice.sample(&mut self.lights, u_choice, u_direction),
             None => self.lights.sample(u_choice, u_direction),
         }?;
@@ -252,8 +252,8 @@ impl<'a> DirectLight<'a> {
         if wi.z <= 0.0 || !self.shading.leaves(light.wi, wi) {
             return None;
         }
-        light.pdf *= count as f32;
-        let value = unshadowed(bsdf, self.lobes, *wo, wi, &light, sky);
+        let one_of_all = LightSample { pdf: light.pdf * count as f32, ..light };
+        let value = unshadowed(bsdf, self.lobes, *wo, wi, &one_of_all, sky);
         let weight = value.max_element();
         (weight > 0.0 && weight.is_finite()).then_some((light, value))
     }

@@ -91,7 +91,8 @@ impl Environment {
         // The texels to the right and below; a cast rounds down, for these numbers are positive.
         let (right, fx) = split(uv.x * self.width as f32 + 0.5);
         let (bottom, fy) = split(uv.y * self.height as f32 + 0.5);
-        let (left, right) = (if right == 0 { width } else { right } - 1, if right >= width { 0 } else { right });
+        let left = if right == 0 { width - 1 } else { right - 1 };
+        let right = if right >= width { 0 } else { right };
         let (top, bottom) = (bottom.max(1) - 1, bottom.min(height - 1));
         let at = |x: usize, y: usize| self.pixels[y * width + x];
         at(left, top).lerp(at(right, top), fx).lerp(at(left, bottom).lerp(at(right, bottom), fx), fy)
@@ -127,6 +128,7 @@ fn atan2(y: f32, x: f32) -> f32 {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "columns and rows")]
 mod tests {
     use super::*;
 
@@ -140,5 +142,31 @@ mod tests {
             assert!((atan2(y, x) - y.atan2(x)).abs() < 5e-7, "({x}, {y}): {} instead of {}", atan2(y, x), y.atan2(x));
         }
         assert!(atan2(0.0, 0.0).is_finite(), "at a pole");
+    }
+
+    #[test]
+    fn texels_are_joined_round_the_seam_and_kept_at_the_poles() {
+        for (width, height) in [(1u8, 4u8), (4, 1), (3, 2), (5, 5)] {
+            let (w, h) = (usize::from(width), usize::from(height));
+            let pixels: Vec<Vec3> = (0..width * height).map(|i| Vec3::splat(f32::from(i * i))).collect();
+            let environment = Environment::from_pixels(width.into(), height.into(), pixels.clone());
+            for step in 0..=400u16 {
+                for v in [0.0, 0.1, 0.5, 0.77, 1.0] {
+                    let u = f32::from(step) / 400.0;
+                    // The texel whose middle lies at or before the place, and how far that is behind it.
+                    let (x, y) =
+                        (u * f32::from(width) - 0.5, (v * f32::from(height) - 0.5).clamp(0.0, f32::from(height - 1)));
+                    let left = if x < 0.0 { w - 1 } else { x as usize };
+                    let (right, top, bottom) = ((left + 1) % w, y as usize, (y as usize + 1).min(h - 1));
+                    let row = |row: usize| pixels[row * w + left].lerp(pixels[row * w + right], x - x.floor());
+                    let expected = row(top).lerp(row(bottom), y - y.floor());
+                    let found = environment.radiance_at(Vec2::new(u, v));
+                    assert!(
+                        found.abs_diff_eq(expected, 1e-3),
+                        "{width} x {height} at {u}, {v}: {found}, not {expected}"
+                    );
+                }
+            }
+        }
     }
 }

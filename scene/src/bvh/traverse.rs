@@ -24,6 +24,7 @@ impl Bvh {
         keep: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
         dispatch!(self.level, simd => {
+            // Within the function of wide instructions, where it need not be kept in memory.
             let mut nearest = None;
             let mut range = *ray;
             self.traverse::<_, false>(simd, ray, #[inline(always)] |packet, lanes| {

@@ -8,7 +8,7 @@ use std::f32::consts::TAU;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere, is_above};
+use super::{Emission, LightSample, Sphere, is_over_horizon, narrow};
 use crate::Environment;
 use crate::environment::direction_to_uv;
 
@@ -88,12 +88,15 @@ impl EnvironmentLight {
         self.integral * surroundings.cross_section()
     }
 
-    /// Returns a direction; `None` below the horizon of the normal `n`.
+    /// Returns a direction to it; `None` below the horizon of the normal `n`, and where the density is 0.
     #[inline]
-    pub(super) fn sample_above(&self, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
+    pub(super) fn sample(&self, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
         let wi = self.direction(u);
         // What lies below need not be looked up.
-        is_above(n, wi).then(|| self.sample_at(wi, probability)).flatten()
+        if !is_over_horizon(n, wi) {
+            return None;
+        }
+        self.sample_at(wi, probability)
     }
 
     /// Returns the direction that a pair of numbers chooses.
@@ -232,11 +235,6 @@ impl Tables {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number from 0 to the picture's size")]
 fn cell(u: f32, size: u32) -> usize {
     ((u * size as f32) as usize).min(size as usize - 1)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-fn narrow(x: f64) -> f32 {
-    x as f32
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3A};
 use hemimap::double::Frame;
 
 use super::region::Region;
-use super::{Emission, LightSample, is_above};
+use super::{Emission, LightSample, is_over_horizon, narrow};
 use crate::body::Body;
 use crate::mix::mixed;
 use crate::{Aabb, Ray, surface};
@@ -77,9 +77,7 @@ impl FormLight {
 
     /// Returns the flux, W; of what is no ball right to about a hundredth.
     pub(super) fn flux(&self) -> Vec3 {
-        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let area = self.area as f32;
-        self.radiance * (std::f32::consts::PI * area)
+        self.radiance * (std::f32::consts::PI * narrow(self.area))
     }
 
     /// Returns a box around it.
@@ -88,23 +86,22 @@ impl FormLight {
     }
 
     #[inline]
-    pub(super) fn sample(&self, p: Vec3A, normal: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
-        let (p, n) = (p.as_dvec3(), normal.as_dvec3());
+    pub(super) fn sample(&self, p: Vec3A, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
+        let (p, up) = (p.as_dvec3(), n.as_dvec3());
         let (wi, pdf) = self.region.sample(p, u)?;
-        if n.dot(wi) <= 0.0 {
+        if up.dot(wi) <= 0.0 {
             return None;
         }
-        let ray = LineRay::new(p + n * (p.abs().max_element() * POSITION_ERROR), wi);
+        let ray = LineRay::new(p + up * (p.abs().max_element() * POSITION_ERROR), wi);
         let (t, count) = if self.is_pierced { self.any_entry(ray)? } else { (self.first_entry(&ray)?, 1.0) };
         let offset = ray.at(t) - p;
         let distance = offset.length();
         let wi = (offset / distance).as_vec3a();
-        if !is_above(normal, wi) {
+        // The ray starts above the point, so that this direction is a little lower.
+        if !is_over_horizon(n, wi) {
             return None;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let (distance, pdf) = (distance as f32, pdf as f32);
-        LightSample::of_surface(wi, distance, self.radiance * count, pdf * probability)
+        LightSample::of_surface(wi, narrow(distance), self.radiance * count, narrow(pdf) * probability)
     }
 
     /// Returns where the ray first meets the form; `None` where it starts within, for the back is dark.
@@ -138,8 +135,7 @@ impl FormLight {
     /// Returns the density of a direction in which a ray from `p` met this form, per steradian.
     #[inline]
     pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A) -> f32 {
-        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let pdf = self.region.pdf(p.as_dvec3(), wi.as_dvec3()) as f32;
+        let pdf = narrow(self.region.pdf(p.as_dvec3(), wi.as_dvec3()));
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
@@ -167,8 +163,7 @@ impl FormLight {
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let p_error = (p.abs().max_element() * POSITION_ERROR) as f32;
         let origin = surface::offset(rounded, normal, p_error, direction);
-        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let measure = (self.line_measure() * count) as f32;
+        let measure = narrow(self.line_measure() * count);
         Some(Emission { ray: Ray::new(origin, direction), flux: self.radiance * measure })
     }
 

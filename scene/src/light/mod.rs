@@ -83,7 +83,7 @@ impl LightSample {
 
 /// Whether a direction is above the horizon of a surface with normal `n`.
 #[inline]
-fn is_above(n: Vec3A, wi: Vec3A) -> bool {
+fn is_over_horizon(n: Vec3A, wi: Vec3A) -> bool {
     n.dot(wi) > 0.0
 }
 
@@ -401,7 +401,7 @@ fn join_rectangles(triangles: Vec<TriangleLight>) -> (Vec<RectangleLight>, Vec<T
     (rectangles, single)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a probability, rounded to f32")]
+#[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
 fn narrow(x: f64) -> f32 {
     x as f32
 }

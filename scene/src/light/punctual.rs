@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere, is_above};
+use super::{Emission, LightSample, Sphere, is_over_horizon};
 use crate::{PunctualLight, Ray};
 
 /// Returns the light with a unit direction.
@@ -33,13 +33,19 @@ pub(super) fn sample(light: &PunctualLight, p: Vec3A, n: Vec3A, probability: f32
             let distance = offset.length();
             let (wi, radiance) = (offset / distance, intensity / (distance * distance));
             // At the light itself the irradiance has no bound.
-            let is_sound = is_above(n, wi) && radiance.is_finite();
+            let is_sound = is_over_horizon(n, wi) && radiance.is_finite();
             is_sound.then_some(LightSample { wi, distance, radiance, pdf: probability, delta: true })
         }
         PunctualLight::Directional { direction, irradiance } => {
             let wi = -Vec3A::from(direction);
             let distance = f32::INFINITY;
-            is_above(n, wi).then_some(LightSample { wi, distance, radiance: irradiance, pdf: probability, delta: true })
+            is_over_horizon(n, wi).then_some(LightSample {
+                wi,
+                distance,
+                radiance: irradiance,
+                pdf: probability,
+                delta: true,
+            })
         }
     }
 }

@@ -3,9 +3,6 @@
 //! Directions are uniform per solid angle where it is near, points uniform per area where it is far or seen edge on; which of
 //! them depends on the point alone, so that the density is known for any direction. As one light, neighbouring numbers give neighbouring
 //! directions over the whole lamp, so that stratified numbers serve it better than two triangles.
-//!
-//! # Source
-//! Ureña, Fajardo, King 2013: An Area-Preserving Parametrization for Spherical Rectangles.
 
 use std::f32::consts::PI;
 
@@ -13,7 +10,7 @@ use glam::{Vec2, Vec3, Vec3A};
 
 use super::spherical_rectangle::SphericalRectangle;
 use super::triangle::{TriangleLight, leave};
-use super::{Emission, LightSample, is_above, narrow, pdf_by_area};
+use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
 use crate::{Aabb, Surface};
 
 /// An emissive rectangle.
@@ -35,7 +32,7 @@ pub(crate) struct RectangleLight {
 /// The rectangle is far if its centre is at least so many diagonals away, by squares: distances then differ by a sixth at most.
 const FAR_SQ: f32 = 9.0;
 
-/// Slivers of a smaller solid angle are sampled by area: the sum of angles that gives it would lose its digits in f64.
+/// Slivers of a smaller solid angle are sampled by area: the angle of the product that gives it would lose its digits in f64.
 const LEAST_SOLID_ANGLE: f64 = 1e-9;
 
 /// Corners may be so many units in the last place of the largest coordinate off their rectangle.
@@ -109,12 +106,7 @@ impl RectangleLight {
     /// Returns the density of a direction in which a ray from `p` met this rectangle at `surface`, per steradian.
     #[inline]
     pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
-        let by_area = || self.pdf_by_area(wi, surface.p.distance_squared(p));
-        self.near(p).map_or_else(by_area, |near| narrow(1.0 / near.solid_angle))
-    }
-
-    fn pdf_by_area(&self, wi: Vec3A, distance_sq: f32) -> f32 {
-        pdf_by_area(-self.normal.dot(wi), self.area(), distance_sq)
+        self.seen_from(p).map_or(0.0, |seen| seen.pdf(wi, surface.p.distance_squared(p)))
     }
 
     pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {
@@ -164,13 +156,18 @@ impl SeenRectangle<'_> {
         let distance_sq = offset.length_squared();
         let distance = distance_sq.sqrt();
         let wi = offset / distance;
-        if !is_above(n, wi) {
+        if !is_over_horizon(n, wi) {
             return None;
         }
-        let pdf = match near {
+        LightSample::of_surface(wi, distance, light.radiance, self.pdf(wi, distance_sq) * probability)
+    }
+
+    /// Returns the density of a direction to it, per steradian.
+    #[inline]
+    fn pdf(&self, wi: Vec3A, distance_sq: f32) -> f32 {
+        match &self.near {
             Some(near) => narrow(1.0 / near.solid_angle),
-            None => light.pdf_by_area(wi, distance_sq),
-        };
-        LightSample::of_surface(wi, distance, light.radiance, pdf * probability)
+            None => pdf_by_area(-self.light.normal.dot(wi), self.light.area(), distance_sq),
+        }
     }
 }

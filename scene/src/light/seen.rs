@@ -98,7 +98,7 @@ impl<'a> SeenLights<'a> {
             SeenLight::Triangle(light) => light.sample(n, u, probability),
             SeenLight::Form(light) => light.sample(p, n, u, probability),
             SeenLight::Punctual(light) => punctual::sample(light, p, n, probability),
-            SeenLight::Environment(light) => light.sample_above(n, u, probability),
+            SeenLight::Environment(light) => light.sample(n, u, probability),
             SeenLight::Dark => None,
         }
     }

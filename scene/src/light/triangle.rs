@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, is_above, pdf_by_area};
+use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
 use crate::{Ray, Surface, surface};
 
 /// An emissive triangle.
@@ -45,8 +45,7 @@ impl TriangleLight {
         let normal = area_normal.try_normalize()?.as_vec3a();
         let area = 0.5 * area_normal.length();
         let size_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-        #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-        let light = Self { corners, normal, area: area as f32, size_sq: size_sq as f32, radiance, primitive };
+        let light = Self { corners, normal, area: narrow(area), size_sq: narrow(size_sq), radiance, primitive };
         (light.area > 0.0 && radiance.max_element() > 0.0).then_some(light)
     }
 
@@ -66,8 +65,7 @@ impl TriangleLight {
     #[inline]
     pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
         match self.near(p) {
-            #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-            Some(triangle) => (1.0 / triangle.solid_angle) as f32,
+            Some(triangle) => narrow(1.0 / triangle.solid_angle),
             None => pdf_by_area(-self.normal.dot(wi), self.area, surface.p.distance_squared(p)),
         }
     }
@@ -122,22 +120,21 @@ impl SeenTriangle<'_> {
             Some(triangle) => {
                 let direction = triangle.sample(u);
                 let wi = direction.as_vec3a();
-                if !is_above(n, wi) {
+                if !is_over_horizon(n, wi) {
                     return None;
                 }
                 let [a, b, c] = light.corners.map(|corner| corner.as_dvec3());
                 let normal = (b - a).cross(c - a);
                 let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
-                #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-                let (distance, pdf) = (distance as f32, (1.0 / triangle.solid_angle) as f32);
-                LightSample::of_surface(wi, distance, light.radiance, pdf * probability)
+                let pdf = narrow(1.0 / triangle.solid_angle) * probability;
+                LightSample::of_surface(wi, narrow(distance), light.radiance, pdf)
             }
             None => {
                 let offset = light.point(u) - *p;
                 let distance_sq = offset.length_squared();
                 let distance = distance_sq.sqrt();
                 let wi = offset / distance;
-                if !is_above(n, wi) {
+                if !is_over_horizon(n, wi) {
                     return None;
                 }
                 let pdf = pdf_by_area(-light.normal.dot(wi), light.area, distance_sq) * probability;
