@@ -59,6 +59,7 @@ const RESOLUTION_FACTOR: f32 = 2.0;
 pub(crate) struct Cells {
     width: f32,
     table: Table,
+    /// By the numbers of the table.
     light: Vec<CellLight>,
 }
 
@@ -124,7 +125,7 @@ impl CellBuilder<'_> {
         for row in &rows {
             *rays += row.rays;
         }
-        cells.solve(&rows);
+        cells.light = solve(&rows);
         cells
     }
 
@@ -291,47 +292,47 @@ impl Visitor for LinkWalk<'_> {
     }
 }
 
-impl Cells {
-    /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to come, unless light goes to
-    /// and fro between two sides: there, what is added at once takes the iteration away from its end, and so is given up as soon as it has not helped.
-    fn solve(&mut self, rows: &[Row]) {
-        let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
-        let mut last_change = f64::INFINITY;
-        // At the last extrapolation; none is made where this is 0.
-        let mut extrapolated_change = f64::INFINITY;
-        for step in 1..=MAX_ITERATIONS {
-            let mut next: Vec<Vec3> = rows
-                .par_iter()
-                .map(|row| {
-                    let all = |cell: u32| rows[cell as usize].direct + indirect[cell as usize];
-                    row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
-                })
-                .collect();
-            let sum = |values: &mut dyn Iterator<Item = Vec3>| values.map(|v| f64::from(v.element_sum())).sum::<f64>();
-            let change = sum(&mut next.iter().zip(&indirect).map(|(a, b)| (*a - *b).abs()));
-            let ratio = (change / last_change).min(0.9999);
-            let rest = ratio / (1.0 - ratio);
-            last_change = change;
-            if step % EXTRAPOLATION == 0 {
-                extrapolated_change = if change < 0.5 * extrapolated_change { change } else { 0.0 };
-            }
-            if step % EXTRAPOLATION == 0 && extrapolated_change > 0.0 {
-                #[expect(clippy::cast_possible_truncation, reason = "below 10^4")]
-                let rest = rest as f32;
-                for (new, old) in next.iter_mut().zip(&indirect) {
-                    *new = (*new + (*new - *old) * rest).max(Vec3::ZERO);
-                }
-                last_change = f64::INFINITY;
-            }
-            indirect = next;
-            if change * rest <= PRECISION * sum(&mut indirect.iter().copied()) && step % EXTRAPOLATION != 1 {
-                break;
-            }
+/// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to come, unless light goes to
+/// and fro between two sides: there, what is added at once takes the iteration away from its end, and so is given up as soon as it has not helped.
+fn solve(rows: &[Row]) -> Vec<CellLight> {
+    let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
+    let mut last_change = f64::INFINITY;
+    // At the last extrapolation; none is made where this is 0.
+    let mut extrapolated_change = f64::INFINITY;
+    for step in 1..=MAX_ITERATIONS {
+        let mut next: Vec<Vec3> = rows
+            .par_iter()
+            .map(|row| {
+                let all = |cell: u32| rows[cell as usize].direct + indirect[cell as usize];
+                row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
+            })
+            .collect();
+        let sum = |values: &mut dyn Iterator<Item = Vec3>| values.map(|v| f64::from(v.element_sum())).sum::<f64>();
+        let change = sum(&mut next.iter().zip(&indirect).map(|(a, b)| (*a - *b).abs()));
+        let ratio = (change / last_change).min(0.9999);
+        let rest = ratio / (1.0 - ratio);
+        last_change = change;
+        if step % EXTRAPOLATION == 0 {
+            extrapolated_change = if change < 0.5 * extrapolated_change { change } else { 0.0 };
         }
-        let light = |(row, indirect): (&Row, Vec3)| CellLight { direct: row.direct, indirect, caustic: row.caustic };
-        self.light = rows.iter().zip(indirect).map(light).collect();
+        if step % EXTRAPOLATION == 0 && extrapolated_change > 0.0 {
+            #[expect(clippy::cast_possible_truncation, reason = "below 10^4")]
+            let rest = rest as f32;
+            for (new, old) in next.iter_mut().zip(&indirect) {
+                *new = (*new + (*new - *old) * rest).max(Vec3::ZERO);
+            }
+            last_change = f64::INFINITY;
+        }
+        indirect = next;
+        if change * rest <= PRECISION * sum(&mut indirect.iter().copied()) && step % EXTRAPOLATION != 1 {
+            break;
+        }
     }
+    let light = |(row, indirect): (&Row, Vec3)| CellLight { direct: row.direct, indirect, caustic: row.caustic };
+    rows.iter().zip(indirect).map(light).collect()
+}
 
+impl Cells {
     /// Bytes that cells take.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.light.len() * size_of::<CellLight>() + self.table.slots.len() * size_of::<u64>()
@@ -456,9 +457,7 @@ mod tests {
                 rays: RayCounts::default(),
             })
             .collect();
-        let mut cells = Cells::default();
-        cells.solve(&rows);
-        cells.light.iter().map(|light| (light.indirect + light.direct).x).collect()
+        solve(&rows).iter().map(|light| (light.indirect + light.direct).x).collect()
     }
 
     #[test]
