@@ -148,7 +148,7 @@ mod tests {
     fn texels_are_joined_round_the_seam_and_kept_at_the_poles() {
         for (width, height) in [(1u8, 4u8), (4, 1), (3, 2), (5, 5)] {
             let (w, h) = (usize::from(width), usize::from(height));
-            let pixels: Vec<Vec3> = (0..width * height).map(|i| Vec3::splat(f32::from(i * i))).collect();
+            let pixels: Vec<Vec3> = (0..width * height).map(|i| Vec3::splat(f32::from(i).powi(2))).collect();
             let environment = Environment::from_pixels(width.into(), height.into(), pixels.clone());
             for step in 0..=400u16 {
                 for v in [0.0, 0.1, 0.5, 0.77, 1.0] {
