@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 24] = [
+const SWITCHES: [(&str, &str); 25] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -34,6 +34,7 @@ const SWITCHES: [(&str, &str); 24] = [
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
     ("lobe-guide=off", "lobes alone choose where gloss looks"),
+    ("lobe-reuse=off", "each primary sample traces its own lobe"),
     ("texture-alpha=0", "gloss read from textures"),
     ("secondary=photons", "photon map at secondary hits"),
 ];

@@ -63,7 +63,7 @@ impl SampleNoise {
     }
 
     /// Mean of a sample in an even radiance of `ambient`.
-    fn mean(&self, ambient: f64) -> f64 {
+    pub(crate) fn mean(&self, ambient: f64) -> f64 {
         (self.sum.x + ambient * self.sum.y) / f64::from(self.count.max(1))
     }
 

@@ -15,6 +15,7 @@ use crate::sky::SkySplit;
 use crate::statistics::{Progress, Statistics};
 use crate::surface_points::{PixelPoints, Primary};
 use crate::terms::indirect::{Counts, Incident, IndirectTerm};
+use crate::terms::reuse::share_lobes;
 use crate::{Method, Settings};
 
 /// A band holds about so many pixels: enough for the lattice and for both cores, and a bound on the memory for surface points.
@@ -115,13 +116,14 @@ fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec
     let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).into_par_iter().map(first_samples).collect();
     let first: Vec<FirstSamples> =
         pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect();
-    let factors =
-        allocate(primary.size.x as usize, plan.first_spp, plan.budget, &first, ambient(&pixels, primary.secondary));
+    let ambient = ambient(&pixels, primary.secondary);
+    let factors = allocate(primary.size.x as usize, plan.first_spp, plan.budget, &first, ambient);
     pixels
         .par_iter_mut()
         .zip(factors)
         .enumerate()
         .for_each(|(index, (pixel, factor))| trace(index, plan.first_spp * factor, pixel));
+    share_lobes(&primary.direct_term(), &mut pixels, primary.size.x as usize, primary.seed, ambient);
     pixels
 }
 

@@ -57,6 +57,10 @@ pub(crate) struct Plan {
     pub(crate) texture_alpha: f32,
     /// Rays that are traced through a glossy lobe for each primary sample.
     pub(crate) lobe_rays: u32,
+    /// Mean square of the relative error that is wanted of lobes whose samples are shared by neighbours; 0 where none are.
+    pub(crate) lobe_noise: f32,
+    /// How far things may move within a lobe from one of these neighbours to another, in widths of the lobe.
+    pub(crate) lobe_parallax: f32,
     /// Primary rays along a side of the picture by which glossy lobes learn from where their light comes; 0 where they do not.
     pub(crate) learners: u32,
     /// The same by which is learnt which lights reach what the picture shows; 0 where there is one at most.
@@ -153,6 +157,12 @@ impl Plan {
             probe_rays: round(24.0 * quality.sqrt(), 8.0, 96.0),
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
+            lobe_noise: if features.glossy && study.lobe_reuse != Some(false) {
+                LOBE_NOISE * noise(quality)
+            } else {
+                0.0
+            },
+            lobe_parallax: 1.5 * quality.max(1.0).sqrt().recip(),
             learners: if features.glossy && study.lobe_guide != Some(false) { learners } else { 0 },
             light_learners: if light_count > 1 && study.light_guide != Some(false) { learners } else { 0 },
             lobe_samples: 128,
@@ -212,16 +222,22 @@ fn primary_samples(settings: &Settings, has_many_lights: bool) -> (u32, Budget) 
         // A pixel without noise takes a quarter of the mean.
         Some(spp) => (power_of_two(spp as f32 / 4.0).max(2).min(spp), Budget::Mean(spp)),
         None => {
-            // The noise of samples falls faster than their number rises, that of records more slowly: so this balances both.
-            let noise = NOISE * quality.powf(-0.75);
             let most = if has_many_lights { 0.5 * MOST_SPP } else { MOST_SPP };
-            (power_of_two(8.0 * quality).max(2), Budget::Noise(noise, round(most * quality, 8.0, 65_536.0)))
+            (power_of_two(8.0 * quality).max(2), Budget::Noise(noise(quality), round(most * quality, 8.0, 65_536.0)))
         }
     }
 }
 
+/// Mean square of the relative error of primary samples, as if they were independent. The noise of samples falls faster than their number rises, that of records
+/// more slowly: so this balances both.
+fn noise(quality: f32) -> f32 {
+    NOISE * quality.powf(-0.75)
+}
+
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
 const NOISE: f32 = 6e-4;
+/// The same of shared lobes, as a share of that of primary samples, which are better stratified.
+const LOBE_NOISE: f32 = 0.03;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
 const MOST_SPP: f32 = 48.0;
 

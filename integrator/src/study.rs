@@ -35,6 +35,8 @@ pub struct Study {
     pub lobe_rays: Option<u32>,
     /// Whether half of the rays of wide lobes go where light was found beforehand.
     pub lobe_guide: Option<bool>,
+    /// Whether neighbours share what the rays of their lobes find.
+    pub lobe_reuse: Option<bool>,
     /// Roughness (alpha of GGX) from which on a glossy lobe without a diffuse part reads a texture instead of being traced, 0 to 2; never where a
     /// texture is too coarse.
     pub texture_alpha: Option<f32>,
@@ -74,7 +76,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, margins, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -115,6 +117,7 @@ impl Study {
             "light-guide" => self.light_guide = Some(switch(name, value)?),
             "lobe-rays" => self.lobe_rays = Some(number(name, value, 1, 1024)?),
             "lobe-guide" => self.lobe_guide = Some(switch(name, value)?),
+            "lobe-reuse" => self.lobe_reuse = Some(switch(name, value)?),
             "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
             "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
             "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
@@ -198,6 +201,7 @@ mod tests {
             ("light-guide", "off"),
             ("lobe-rays", "4"),
             ("lobe-guide", "off"),
+            ("lobe-reuse", "off"),
             ("texture-alpha", "0.5"),
             ("photons", "1000"),
             ("coverage", "rect"),

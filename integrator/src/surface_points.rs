@@ -14,6 +14,7 @@ use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
 use crate::terms::guide::LobeGuide;
 use crate::terms::light_guide::LightGuide;
+use crate::terms::reuse::is_shared;
 
 /// A distinct surface in a pixel: that of its samples which is nearest to the middle of the pixel stands for all.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +29,8 @@ pub(crate) struct SurfacePoint {
     pub(crate) diffuse_weight: Vec3,
     /// Sum of throughput, for the glossy part.
     pub(crate) specular_weight: Vec3,
+    /// The same of the samples whose lobes are shared.
+    pub(crate) lobe_weight: Vec3,
     /// Distance of that sample from the middle of the pixel, in pixels, by squares.
     pub(crate) off_middle: f32,
     /// The pixel in the picture.
@@ -63,6 +66,7 @@ impl SurfacePoint {
     fn join(&mut self, sample: &Self) {
         self.diffuse_weight += sample.diffuse_weight;
         self.specular_weight += sample.specular_weight;
+        self.lobe_weight += sample.lobe_weight;
         self.count += 1.0;
         let (stands, joins) = (&self.shading.surface, &sample.shading.surface);
         let (offset, turn) = (joins.p - stands.p, joins.n - stands.n);
@@ -141,7 +145,8 @@ impl<S: Secondary> Primary<'_, S> {
         }
     }
 
-    fn direct_term(&self) -> DirectTerm<'_, S> {
+    /// What shades primary samples.
+    pub(crate) fn direct_term(&self) -> DirectTerm<'_, S> {
         let Self { scene, plan, secondary, sky, .. } = *self;
         DirectTerm { scene, plan, secondary, sky, guide: self.guide.as_ref(), light_guide: self.light_guide.as_ref() }
     }
@@ -216,6 +221,7 @@ impl<S: Secondary> Primary<'_, S> {
                 terms.specular += beta * light.direct;
             }
             terms.specular += beta * light.specular;
+            let is_shared = is_shared(&shading, self.plan);
             let footprint = length * self.scene.camera().pixel_angle(self.size);
             let point = SurfacePoint {
                 pixel,
@@ -223,6 +229,7 @@ impl<S: Secondary> Primary<'_, S> {
                 shading: off_seams(self.scene, shading, &ray, &hit, footprint),
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
+                lobe_weight: if is_shared { beta } else { Vec3::ZERO },
                 off_middle: branch.off_middle,
                 position,
                 count: 1.0,
@@ -232,7 +239,8 @@ impl<S: Secondary> Primary<'_, S> {
                 footprint,
                 key: hash_pair(key, found.points.len() as u64),
             };
-            *diffuse += point.diffuse_weight;
+            // Light that the sample itself does not know.
+            *diffuse += if is_shared { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
             add_point(&mut found.points, point, length);
         }
         if bounces < MAX_CHAIN {
@@ -372,6 +380,7 @@ mod tests {
             shading: Shading::new(scene, surface, ray.direction),
             diffuse_weight: Vec3::ONE,
             specular_weight: Vec3::ONE,
+            lobe_weight: Vec3::ZERO,
             off_middle,
             position: UVec2::ZERO,
             count: 1.0,

@@ -9,8 +9,9 @@ use crate::sampler::Sampler;
 use crate::secondary::{DirectLight, Follower, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
-use crate::terms::guide::LobeGuide;
+use crate::terms::guide::{Guide, LobeGuide};
 use crate::terms::light_guide::{LightGuide, takes_guide};
+use crate::terms::reuse::is_shared;
 
 /// Shades primary samples.
 #[derive(Debug)]
@@ -30,7 +31,7 @@ pub(crate) struct DirectTerm<'a, S> {
 pub(crate) struct LobeWay {
     /// Local frame.
     pub(crate) wi: Vec3A,
-    /// f cos over the density with which the direction was chosen.
+    /// f cos over the density with which the direction was chosen; as long as nobody says else, by the lobe alone.
     pub(crate) weight: Vec3,
     /// Density with which the lobe alone chooses it, per steradian: what its light counts beside light sampling.
     pub(crate) pdf: f32,
@@ -45,8 +46,20 @@ pub(crate) struct Light {
     pub(crate) specular: Vec3,
 }
 
+/// What a lobe's sample met.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Met {
+    pub(crate) p: Vec3A,
+    /// Its geometric normal.
+    pub(crate) n: Vec3A,
+    /// About the angle over which the light that it reflects is the same: 0 for mirrors and glass, 1 where it is diffuse.
+    pub(crate) alpha: f32,
+    /// What it reflects to the lobe.
+    pub(crate) radiance: Vec3,
+}
+
 impl Light {
-    fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.direct += other.direct;
         self.specular += other.specular;
     }
@@ -78,7 +91,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
         }
-        if shading.bsdf.has_glossy() {
+        if shading.bsdf.has_glossy() && !is_shared(shading, self.plan) {
             self.add_lobe(shading, position, sampler, rays, &mut light);
         }
         light
@@ -109,13 +122,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         }
         let Some(guide) = guide else { return };
         for mut sampler in sampler.split_into(guided) {
-            let wi = guide.sample(sampler.next_pair());
-            let pdf = shading.bsdf.pdf(Lobes::SPECULAR, shading.wo, wi);
-            if pdf <= 0.0 || !shading.leaves(shading.frame.to_world(wi), wi) {
-                continue;
-            }
-            let mut way = LobeWay { wi, weight: shading.bsdf.eval(Lobes::SPECULAR, shading.wo, wi) * wi.z, pdf };
-            way.weight /= density(&way);
+            let Some(mut way) = guided_way(guide, shading, &mut sampler) else { continue };
+            way.weight *= way.pdf / density(&way);
             light.add(&self.along_lobe(shading, &way, &mut sampler, rays));
         }
     }
@@ -136,6 +144,22 @@ impl<S: Secondary> DirectTerm<'_, S> {
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Light {
+        let (mut light, met) = self.look_along(shading, way, sampler, rays);
+        if let Some(met) = met {
+            light.specular += way.weight * met.radiance;
+        }
+        light
+    }
+
+    /// Returns the light that comes to a glossy lobe along a direction straight from a source, or from one by way of mirrors and glass alone; and where the lobe is traced, what
+    /// is met there and the light that it reflects.
+    pub(crate) fn look_along(
+        &self,
+        shading: &Shading,
+        way: &LobeWay,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> (Light, Option<Met>) {
         let mut light = Light::default();
         let wi = shading.frame.to_world(way.wi);
         let ray = shading.surface.spawn(wi);
@@ -143,7 +167,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let Some(hit) = self.scene.intersect(&ray) else {
             let weight = mis_weight(way.pdf, self.scene.lights().pdf_environment(wi));
             light.direct = way.weight * weight * self.scene.background(wi);
-            return light;
+            return (light, None);
         };
         let surface = self.scene.surface(&ray, &hit);
         let emission = self.scene.emission(&surface);
@@ -155,11 +179,17 @@ impl<S: Secondary> DirectTerm<'_, S> {
         if self.scene.features().delta {
             light.specular += way.weight * self.caustic_along(ray, surface, sampler, rays);
         }
-        if is_traced(shading, self.plan) {
+        let met = is_traced(shading, self.plan).then(|| {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
-            light.specular += way.weight * follower.reflected(&ray, surface, sampler, rays);
-        }
-        light
+            let radiance = follower.reflected(&ray, surface, sampler, rays);
+            let alpha = match self.scene.bsdf(&surface).specular {
+                Specular::None => 1.0,
+                Specular::Ggx { alpha, .. } => alpha,
+                Specular::Mirror { .. } | Specular::Dielectric { .. } => 0.0,
+            };
+            Met { p: surface.p, n: surface.ng, alpha, radiance }
+        });
+        (light, met)
     }
 
     /// Radiance of the source at the end of a chain of mirrors and glass that starts at `surface`: L_c along the ray. Black where it
@@ -192,6 +222,14 @@ impl<S: Secondary> DirectTerm<'_, S> {
     }
 }
 
+/// Chooses a direction of the lobe by a guide.
+pub(crate) fn guided_way(guide: &Guide, shading: &Shading, sampler: &mut Sampler) -> Option<LobeWay> {
+    let wi = guide.sample(sampler.next_pair());
+    let pdf = shading.bsdf.pdf(Lobes::SPECULAR, shading.wo, wi);
+    let leaves = pdf > 0.0 && shading.leaves(shading.frame.to_world(wi), wi);
+    leaves.then(|| LobeWay { wi, weight: shading.bsdf.eval(Lobes::SPECULAR, shading.wo, wi) * (wi.z / pdf), pdf })
+}
+
 /// Whether the glossy lobe of a point is traced, not read from a texture. Where there is a diffuse part too, a texture would serve the lobe alone, for
 /// that part is interpolated.
 pub(crate) fn is_traced(shading: &Shading, plan: &Plan) -> bool {
@@ -200,7 +238,7 @@ pub(crate) fn is_traced(shading: &Shading, plan: &Plan) -> bool {
 
 /// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the reflected light, or so narrow that it
 /// sees about the same everywhere; one for the lamps alone where a texture has the rest.
-fn lobe_rays(shading: &Shading, plan: &Plan) -> u32 {
+pub(crate) fn lobe_rays(shading: &Shading, plan: &Plan) -> u32 {
     /// From this width on a lobe takes its full number.
     const FULL_ALPHA: f32 = 0.1;
     if !is_traced(shading, plan) {
@@ -222,6 +260,6 @@ pub(crate) fn is_guided(shading: &Shading, plan: &Plan) -> bool {
 }
 
 /// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.
-fn alpha(shading: &Shading) -> f32 {
+pub(crate) fn alpha(shading: &Shading) -> f32 {
     if let Specular::Ggx { alpha, .. } = shading.bsdf.specular { alpha } else { 0.0 }
 }

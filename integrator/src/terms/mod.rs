@@ -8,5 +8,6 @@ pub(crate) mod glossy;
 pub(crate) mod guide;
 pub(crate) mod indirect;
 pub(crate) mod light_guide;
+pub(crate) mod reuse;
 mod tiles;
 mod wide;

@@ -1,0 +1,440 @@
+//! What the samples of glossy lobes find is shared among neighbours.
+//!
+//! The lobes of neighbouring points of a surface see about the same things, and a ray costs a hundred times as much as to ask what a lobe makes of a thing that is
+//! known. So each point of a tile of pixels traces a few rays, and all points of the tile take light from all that these met: with N samples for each
+//! point q and their densities p_q over the surfaces that are met,
+//!
+//! ```text
+//! L_s(p) = sum over all samples x of   f_s(p, x) G(p, x) L(x) / (N sum_q p_q(x))
+//! ```
+//! which is the balance heuristic (Veach 1997) between the points. It has no bias as far as all points see x, and x sends all of them the same light. That is not so
+//! where x, or what stands before it, is so near that it moves within a lobe from point to point: there tiles are divided, down to
+//! points alone, and what is near or itself so glossy that it looks different is for its own point.
+//!
+//! A point stands for all samples of its pixel on a surface, which are alike only where the surface is flat. So curved surfaces take no part.
+//!
+//! # Source
+//! Bekaert, Sbert, Halton 2002: Accelerating Path Tracing by Re-Using Paths.
+
+use std::iter::zip;
+
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
+use scene::Lobes;
+
+use super::direct::{DirectTerm, Light, LobeWay, Met, alpha, guided_way, is_guided, is_traced, lobe_rays};
+use super::guide::Guide;
+use crate::allocation::neighbours;
+use crate::film::Terms;
+use crate::metrics;
+use crate::plan::Plan;
+use crate::sampler::{Sampler, hash_pair};
+use crate::secondary::{Secondary, Shading};
+use crate::statistics::RayCounts;
+use crate::surface_points::{PixelPoints, SurfacePoint, same_surface};
+
+/// Pixels along a side of a tile.
+const SIDE: usize = 4;
+/// Batches of samples that every tile takes, and the most that any does.
+const FIRST: u32 = 2;
+const MOST: u32 = 64;
+/// Most samples of a batch for each point.
+const BATCH: u32 = 8;
+/// Keeps these random numbers apart from those of the picture.
+const STREAM: u64 = 0x0072_6575_7365;
+
+/// Whether a primary sample leaves its lobe to the points of its tile.
+pub(crate) fn is_shared(shading: &Shading, plan: &Plan) -> bool {
+    /// Narrower lobes see too little that is the same.
+    const MIN_ALPHA: f32 = 0.04;
+    /// Of the cosine between the two normals of a flat surface.
+    const FLAT: f32 = 1.0 - 1e-4;
+    let surface = &shading.surface;
+    plan.lobe_noise > 0.0
+        && is_traced(shading, plan)
+        && alpha(shading) >= MIN_ALPHA
+        && surface.n.dot(surface.ng) >= FLAT
+}
+
+/// Points of one surface in a tile.
+struct Group<'a> {
+    points: Vec<(usize, &'a SurfacePoint)>,
+    guide: Option<&'a Guide>,
+    /// Samples of a batch for each point.
+    count: u32,
+    key: u64,
+    /// See [`Plan::lobe_parallax`].
+    parallax: f32,
+}
+
+/// What a lobe's sample met that all points of its tile may see.
+struct Found {
+    met: Met,
+    /// The point whose sample it is, and what it counts there alone: f cos over the density by which it was chosen.
+    from: usize,
+    weight: Vec3,
+}
+
+/// A tile after its first batches.
+struct Tile<'a> {
+    groups: Vec<Group<'a>>,
+    /// Sums over the batches of the light of the points of each group.
+    lights: Vec<Vec<Light>>,
+    /// Relative noise of the mean of the first batches, summed over the pixels, by squares.
+    noise: f64,
+    rays: RayCounts,
+}
+
+/// Adds the light of shared lobes to the pixels of a band of `width`, in which the indirect light has about the radiance `ambient`.
+pub(crate) fn share_lobes<S: Secondary>(
+    direct: &DirectTerm<'_, S>,
+    pixels: &mut [PixelPoints],
+    width: usize,
+    seed: u64,
+    ambient: f32,
+) {
+    if direct.plan.lobe_noise <= 0.0 {
+        return;
+    }
+    let ambient = f64::from(ambient);
+    let means: Vec<f64> = pixels.iter().map(|pixel| pixel.noise.mean(ambient)).collect();
+    let floor_sq = metrics::floor_sq(means);
+    let (columns, rows) = (width.div_ceil(SIDE), (pixels.len() / width).div_ceil(SIDE));
+    let seed = hash_pair(seed, STREAM);
+    let mut tiles: Vec<Tile<'_>> = (0..columns * rows)
+        .into_par_iter()
+        .map(|number| {
+            let corner = [number % columns * SIDE, number / columns * SIDE];
+            let groups = groups(direct, pixels, width, corner);
+            let lights = groups.iter().map(|group| vec![Light::default(); group.points.len()]).collect();
+            let mut tile = Tile { groups, lights, noise: 0.0, rays: RayCounts::default() };
+            tile.take(direct, 0..1, seed);
+            let first = tile.lights.clone();
+            tile.take(direct, 1..FIRST, seed);
+            for ((group, first), both) in tile.groups.iter().zip(&first).zip(&tile.lights) {
+                for (((pixel, point), first), both) in group.points.iter().zip(first).zip(both) {
+                    let pixel = &pixels[*pixel];
+                    let part = |light: &Light| {
+                        let light = point.lobe_weight * (light.direct + light.specular);
+                        f64::from(light.element_sum()) / f64::from(3 * pixel.samples)
+                    };
+                    let (first, both) = (part(first), part(both));
+                    let mean = pixel.noise.mean(ambient) + 0.5 * both;
+                    tile.noise += (first - 0.5 * both).powi(2) / (mean * mean + floor_sq);
+                }
+            }
+            tile
+        })
+        .collect();
+    let batches = batches(&tiles, columns, pixels.len(), direct.plan.lobe_noise);
+    tiles.par_iter_mut().zip(&batches).for_each(|(tile, batches)| tile.take(direct, FIRST..*batches, seed));
+    let found: Vec<(Vec<(usize, Terms)>, RayCounts)> =
+        tiles.into_par_iter().zip(batches).map(|(tile, batches)| (tile.terms(batches), tile.rays)).collect();
+    for (found, rays) in found {
+        if let Some((pixel, _)) = found.first() {
+            pixels[*pixel].rays += rays;
+        }
+        for (pixel, terms) in found {
+            let pixel = &mut pixels[pixel];
+            if terms.is_finite() {
+                pixel.sum.add_terms(&terms, 1.0);
+            } else {
+                pixel.dropped += 1;
+            }
+        }
+    }
+}
+
+/// How many batches each tile takes altogether, so that the mean noise of `pixels` pixels is `wanted`: as many as its noise is large, by the tiles around it, so that no tile
+/// judges itself.
+fn batches(tiles: &[Tile<'_>], columns: usize, pixels: usize, wanted: f32) -> Vec<u32> {
+    let noise = |tile: usize| {
+        let around = neighbours(tile, columns, tiles.len()).filter(|&near| !tiles[near].groups.is_empty());
+        let (sum, count) = around.fold((0.0, 0.0), |(sum, count), near| (sum + tiles[near].noise, count + 1.0));
+        if tiles[tile].groups.is_empty() || count == 0.0 { 0.0 } else { sum / count }
+    };
+    let deviations: Vec<f64> = (0..tiles.len()).into_par_iter().map(|tile| noise(tile).sqrt()).collect();
+    let factor = f64::from(FIRST) * deviations.iter().sum::<f64>() / (f64::from(wanted) * pixels as f64);
+    let doublings = |batches: f64| (batches / f64::from(FIRST)).max(1.0).log2().round();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST")]
+    deviations
+        .into_iter()
+        .map(|deviation| ((f64::from(FIRST) * doublings(factor * deviation).exp2()) as u32).min(MOST))
+        .collect()
+}
+
+/// The points of a tile that share their lobes, by their surfaces.
+fn groups<'a, S: Secondary>(
+    direct: &DirectTerm<'a, S>,
+    pixels: &'a [PixelPoints],
+    width: usize,
+    [left, top]: [usize; 2],
+) -> Vec<Group<'a>> {
+    /// Points may lie so many times farther from each other's plane than samples of a pixel.
+    const TOLERANCE: f32 = SIDE as f32;
+    let (right, bottom) = ((left + SIDE).min(width), (top + SIDE).min(pixels.len() / width));
+    let in_tile = (top..bottom).flat_map(|y| (left..right).map(move |x| y * width + x));
+    let points = in_tile.flat_map(|pixel| pixels[pixel].points.iter().map(move |point| (pixel, point)));
+    let mut groups: Vec<Group<'a>> = Vec::new();
+    for (pixel, point) in points.filter(|(_, point)| point.lobe_weight != Vec3::ZERO) {
+        let Shading { surface, .. } = &point.shading;
+        let same = groups.iter_mut().find(|group| {
+            let (_, first) = group.points[0];
+            first.chain == point.chain && same_surface(&first.shading.surface, surface, TOLERANCE * surface.t)
+        });
+        if let Some(group) = same {
+            group.points.push((pixel, point));
+            continue;
+        }
+        let guide = direct.guide.filter(|_| is_guided(&point.shading, direct.plan));
+        groups.push(Group {
+            points: vec![(pixel, point)],
+            guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
+            count: lobe_rays(&point.shading, direct.plan).next_power_of_two().clamp(2, BATCH),
+            key: point.key,
+            parallax: direct.plan.lobe_parallax,
+        });
+    }
+    groups
+}
+
+impl Tile<'_> {
+    /// Takes more batches.
+    fn take<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, batches: std::ops::Range<u32>, seed: u64) {
+        for (group, lights) in self.groups.iter().zip(&mut self.lights) {
+            for batch in batches.clone() {
+                group.take(direct, batch, seed, lights, &mut self.rays);
+            }
+        }
+    }
+
+    /// The light of the points after so many batches, with their pixels.
+    fn terms(&self, batches: u32) -> Vec<(usize, Terms)> {
+        let mut found = Vec::new();
+        for (group, lights) in self.groups.iter().zip(&self.lights) {
+            for ((pixel, point), light) in group.points.iter().zip(lights) {
+                let weight = point.lobe_weight / batches as f32;
+                let (direct, specular) = (weight * light.direct, weight * light.specular);
+                let terms = if point.chain == 0 {
+                    Terms { direct, specular, ..Terms::default() }
+                } else {
+                    Terms { specular: direct + specular, ..Terms::default() }
+                };
+                found.push((*pixel, terms));
+            }
+        }
+        found
+    }
+}
+
+impl Group<'_> {
+    /// Takes one batch of samples of every point, and adds the light that all have of them.
+    fn take<S: Secondary>(
+        &self,
+        direct: &DirectTerm<'_, S>,
+        batch: u32,
+        seed: u64,
+        lights: &mut [Light],
+        rays: &mut RayCounts,
+    ) {
+        let mut found = Vec::new();
+        let points = u32::try_from(self.points.len()).expect("a tile is small");
+        let mut indices = batch * self.count * points..;
+        for (from, (_, point)) in self.points.iter().enumerate() {
+            for index in indices.by_ref().take(self.count as usize) {
+                let Some((mut way, mut sampler)) = self.way(direct, &point.shading, index, seed) else { continue };
+                way.weight /= self.count as f32;
+                let (own, met) = direct.look_along(&point.shading, &way, &mut sampler, rays);
+                lights[from].add(&own);
+                found.extend(met.map(|met| Found { met, from, weight: way.weight }));
+            }
+        }
+        let mut members: Vec<usize> = (0..self.points.len()).collect();
+        self.share(&mut members, &mut found, lights);
+    }
+
+    /// Chooses a direction for sample number `index` of the group: half of them by the guide, if there is one.
+    fn way<S: Secondary>(
+        &self,
+        direct: &DirectTerm<'_, S>,
+        shading: &Shading,
+        index: u32,
+        seed: u64,
+    ) -> Option<(LobeWay, Sampler)> {
+        let Some(guide) = self.guide else {
+            let mut sampler = Sampler::new(seed, self.key, index);
+            return Some((direct.lobe_way(shading, &mut sampler)?, sampler));
+        };
+        let by_guide = index % 2 == 1;
+        let mut sampler = Sampler::new(seed, hash_pair(self.key, u64::from(by_guide)), index / 2);
+        let mut way =
+            if by_guide { guided_way(guide, shading, &mut sampler) } else { direct.lobe_way(shading, &mut sampler) }?;
+        way.weight *= way.pdf / self.density(way.pdf, way.wi);
+        Some((way, sampler))
+    }
+
+    /// The density of a sample, by that of the lobe alone and the local direction.
+    fn density(&self, pdf: f32, wi: Vec3A) -> f32 {
+        self.guide.map_or(pdf, |guide| 0.5 * (pdf + guide.pdf(wi)))
+    }
+
+    /// Gives what samples of `members` found to all of them, or to fewer where much of it is near.
+    fn share(&self, members: &mut [usize], found: &mut [Found], lights: &mut [Light]) {
+        /// Nearer things than the lobe allows are at most so many of what was found.
+        const NEAR_SHARE: f32 = 0.02;
+        let place = |member: usize| self.points[member].1.shading.surface.p;
+        let (low, high) = members
+            .iter()
+            .map(|&member| place(member))
+            .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        let (middle, extent) = (0.5 * (low + high), 0.5 * high.distance(low));
+        let is_alone = extent <= 0.0;
+        let width = alpha(&self.points[members[0]].1.shading);
+        let is_near = |found: &Found, width: f32| found.met.p.distance(middle) * width * self.parallax < extent;
+        let near = found.iter().filter(|found| is_near(found, width)).count();
+        if near as f32 > NEAR_SHARE * found.len() as f32 {
+            let axis = (high - low).max_position();
+            // Both parts have a member, however near these are.
+            let is_high = |member: usize| place(member)[axis] - low[axis] > high[axis] - place(member)[axis];
+            members.sort_by_key(|&member| is_high(member));
+            found.sort_by_key(|found| is_high(found.from));
+            let (low, high) = members.split_at_mut(members.partition_point(|&member| !is_high(member)));
+            let (of_low, of_high) = found.split_at_mut(found.partition_point(|found| !is_high(found.from)));
+            self.share(low, of_low, lights);
+            self.share(high, of_high, lights);
+            return;
+        }
+        let mut values = vec![Vec3::ZERO; members.len()];
+        for found in found {
+            if is_alone || is_near(found, width.min(found.met.alpha)) {
+                lights[found.from].specular += found.weight * found.met.radiance;
+            } else {
+                self.give(&found.met, members, &mut values, lights);
+            }
+        }
+    }
+
+    /// Gives what one sample met to all of `members`, by what their lobes make of it; `values` are for use meanwhile.
+    fn give(&self, met: &Met, members: &[usize], values: &mut [Vec3], lights: &mut [Light]) {
+        let mut total = 0.0;
+        for (&member, value) in zip(members, &mut *values) {
+            *value = Vec3::ZERO;
+            let Shading { surface, frame, bsdf, wo } = &self.points[member].1.shading;
+            let way = met.p - surface.p;
+            let distance_sq = way.length_squared();
+            let wi = way / distance_sq.sqrt();
+            let local = frame.to_local(wi);
+            let pdf = bsdf.pdf(Lobes::SPECULAR, *wo, local);
+            if pdf <= 0.0 || wi.dot(surface.ng) <= 0.0 {
+                continue;
+            }
+            // From solid angles to areas of the surface that was met.
+            let area = met.n.dot(wi).abs() / distance_sq;
+            total += self.density(pdf, local) * area;
+            *value = bsdf.eval(Lobes::SPECULAR, *wo, local) * (local.z * area);
+        }
+        if total > 0.0 {
+            let light = met.radiance / (total * self.count as f32);
+            for (&member, value) in zip(members, values) {
+                lights[member].specular += *value * light;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec2;
+    use scene::{Camera, Description, Material, Mesh, Scene, SpecularKind};
+
+    use super::*;
+    use crate::secondary::tests::square;
+    use crate::{Settings, Study, render};
+
+    /// A floor of metal of this roughness under a lamp, with a white wall that stands on it, seen from above.
+    fn room(alpha: f32) -> Scene {
+        let wall = [(-2.0, 0.0), (2.0, 0.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| Vec3::new(x, y, -1.0));
+        let mesh = Mesh {
+            positions: [square(2.0, 0.0), square(0.3, 2.0), wall].concat(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]],
+            materials: vec![0, 0, 1, 1, 2, 2],
+            ..Mesh::default()
+        };
+        let specular = SpecularKind::Ggx { alpha, reflectance: Vec3::splat(0.8), schlick: false };
+        let metal = Material { diffuse: Vec3::ZERO, specular, ..Material::default() };
+        let lamp = Material { diffuse: Vec3::ZERO, emission: Vec3::splat(5.0), ..Material::default() };
+        let white = Material { diffuse: Vec3::splat(0.7), ..Material::default() };
+        let camera =
+            Camera { eye: Vec3::new(0.3, 1.2, 1.8), at: Vec3::new(0.0, 0.0, -0.4), up: Vec3::Y, fov_y_degrees: 40.0 };
+        let description = Description {
+            meshes: vec![mesh],
+            materials: vec![metal, lamp, white],
+            camera: Some(camera),
+            ..Description::default()
+        };
+        Scene::new(description).unwrap()
+    }
+
+    /// Mean over the picture of the light that gloss reflects indirectly, the variance of that mean, and the variance of a pixel times the rays of a picture.
+    fn reflected(scene: &Scene, reuse: bool) -> (f64, f64, f64) {
+        const SEEDS: u8 = 4;
+        const PICTURES: f64 = SEEDS as f64;
+        let study = Study { lobe_reuse: Some(reuse), ..Study::default() };
+        let settings = Settings { size: UVec2::splat(96), quality: 0.1, study, ..Settings::default() };
+        let mut rays = 0.0;
+        let pictures: Vec<Vec<f64>> = (0..SEEDS)
+            .map(|seed| {
+                let rendering = render(scene, &Settings { seed: seed.into(), ..settings.clone() }, &|_| ())
+                    .expect("valid settings");
+                rays += rendering.statistics.rays.path as f64 / PICTURES;
+                let film = &rendering.film;
+                (0..film.pixel_count()).map(|pixel| f64::from(film.terms(pixel).specular.y)).collect()
+            })
+            .collect();
+        let pixels = pictures[0].len();
+        let variance = |values: &[f64]| {
+            let mean = values.iter().sum::<f64>() / PICTURES;
+            values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (PICTURES - 1.0)
+        };
+        let means: Vec<f64> = pictures.iter().map(|picture| picture.iter().sum::<f64>() / pixels as f64).collect();
+        let noise: f64 = (0..pixels)
+            .map(|pixel| variance(&pictures.iter().map(|picture| picture[pixel]).collect::<Vec<f64>>()))
+            .sum();
+        (means.iter().sum::<f64>() / PICTURES, variance(&means) / PICTURES, noise / pixels as f64 * rays)
+    }
+
+    #[test]
+    fn shared_lobes_have_the_light_of_lobes_alone_and_less_noise_for_their_rays() {
+        for alpha in [0.1, 0.3] {
+            let scene = room(alpha);
+            let [(alone, error_alone, cost_alone), (shared, error_shared, cost_shared)] =
+                [false, true].map(|reuse| reflected(&scene, reuse));
+            let error = (error_alone + error_shared).sqrt();
+            assert!(alone > 0.01, "alpha {alpha}: there is light, {alone}");
+            assert!(
+                (alone - shared).abs() < 4.0 * error + 0.005 * alone,
+                "alpha {alpha}: {shared} instead of {alone} +- {error}"
+            );
+            assert!(cost_shared < 0.5 * cost_alone, "alpha {alpha}: {cost_shared} instead of {cost_alone}");
+        }
+    }
+
+    #[test]
+    fn batches_go_where_tiles_around_are_noisy() {
+        let tile = |noise: f64| Tile {
+            groups: vec![Group { points: Vec::new(), guide: None, count: 2, key: 0, parallax: 1.0 }],
+            lights: Vec::new(),
+            noise,
+            rays: RayCounts::default(),
+        };
+        let mut tiles: Vec<Tile<'_>> = (0..64).map(|_| tile(0.0)).collect();
+        tiles[9].noise = 100.0;
+        let pixels = 64 * SIDE * SIDE;
+        let found = batches(&tiles, 8, pixels, 1e-2);
+        assert_eq!([found[9], found[63]], [FIRST, FIRST], "not where a tile alone is, nor far from it");
+        assert!(found[0] > FIRST && found[18] > FIRST, "beside it: {} and {}", found[0], found[18]);
+        assert!(batches(&tiles, 8, pixels, 1e-9).iter().all(|&batches| batches <= MOST), "the limit");
+        tiles[0].groups.clear();
+        assert_eq!(batches(&tiles, 8, pixels, 1e-2)[0], FIRST, "nothing to share");
+    }
+}
