@@ -15,10 +15,15 @@
 //! Cohen, Greenberg 1985 for the system; Binder, Fricke, Keller 2018, "Fast path space filtering by jittered spatial hashing", for
 //! the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one may fall behind a wall.
 
+mod solve;
+mod table;
+
 use glam::{IVec3, UVec2, Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
+use self::solve::{CellLight, Row, solve};
+use self::table::Table;
 use crate::photons::PhotonSource;
 use crate::sampler::{Sampler, hash, hash_pair, in_cell};
 use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
@@ -36,12 +41,6 @@ const WIDTH_SHARE: f32 = 0.06;
 /// Points that stand for a cell, and those that must see each other for it to hold one light.
 const MAX_POINTS: usize = 4;
 const MAX_WITNESSES: usize = 12;
-
-/// Estimated error of the iteration at its end, relative to the sum over the cells.
-const PRECISION: f64 = 1e-5;
-const MAX_ITERATIONS: usize = 500;
-/// After so many steps, when the changes have become geometric, the rest of their series is added at once.
-const EXTRAPOLATION: usize = 8;
 
 /// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
 const MAX_WALK: u32 = 64;
@@ -63,17 +62,6 @@ pub(crate) struct Cells {
     light: Vec<CellLight>,
 }
 
-/// Irradiance of a cell, W m^-2.
-#[derive(Debug, Clone, Copy, Default)]
-struct CellLight {
-    /// Straight from the sources.
-    direct: Vec3,
-    /// By reflections, caustics included.
-    indirect: Vec3,
-    /// The part of that which came by caustics.
-    caustic: Vec3,
-}
-
 /// What cells are made from.
 pub(crate) struct CellBuilder<'a> {
     pub(crate) scene: &'a Scene,
@@ -85,17 +73,6 @@ pub(crate) struct CellBuilder<'a> {
     pub(crate) probe_rays: u32,
     /// Number of rays to spend on links, and on shadow rays.
     pub(crate) ray_budget: u32,
-}
-
-/// A cell's sources and links.
-struct Row {
-    direct: Vec3,
-    /// Light of walks that met no cell, and caustics.
-    source: Vec3,
-    /// The caustics in it.
-    caustic: Vec3,
-    links: Vec<(u32, Vec3)>,
-    rays: RayCounts,
 }
 
 impl CellBuilder<'_> {
@@ -292,46 +269,6 @@ impl Visitor for LinkWalk<'_> {
     }
 }
 
-/// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to come, unless light goes to
-/// and fro between two sides: there, what is added at once takes the iteration away from its end, and so is given up as soon as it has not helped.
-fn solve(rows: &[Row]) -> Vec<CellLight> {
-    let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
-    let mut last_change = f64::INFINITY;
-    // At the last extrapolation; none is made where this is 0.
-    let mut extrapolated_change = f64::INFINITY;
-    for step in 1..=MAX_ITERATIONS {
-        let mut next: Vec<Vec3> = rows
-            .par_iter()
-            .map(|row| {
-                let all = |cell: u32| rows[cell as usize].direct + indirect[cell as usize];
-                row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
-            })
-            .collect();
-        let sum = |values: &mut dyn Iterator<Item = Vec3>| values.map(|v| f64::from(v.element_sum())).sum::<f64>();
-        let change = sum(&mut next.iter().zip(&indirect).map(|(a, b)| (*a - *b).abs()));
-        let ratio = (change / last_change).min(0.9999);
-        let rest = ratio / (1.0 - ratio);
-        last_change = change;
-        if step % EXTRAPOLATION == 0 {
-            extrapolated_change = if change < 0.5 * extrapolated_change { change } else { 0.0 };
-        }
-        if step % EXTRAPOLATION == 0 && extrapolated_change > 0.0 {
-            #[expect(clippy::cast_possible_truncation, reason = "below 10^4")]
-            let rest = rest as f32;
-            for (new, old) in next.iter_mut().zip(&indirect) {
-                *new = (*new + (*new - *old) * rest).max(Vec3::ZERO);
-            }
-            last_change = f64::INFINITY;
-        }
-        indirect = next;
-        if change * rest <= PRECISION * sum(&mut indirect.iter().copied()) && step % EXTRAPOLATION != 1 {
-            break;
-        }
-    }
-    let light = |(row, indirect): (&Row, Vec3)| CellLight { direct: row.direct, indirect, caustic: row.caustic };
-    rows.iter().zip(indirect).map(light).collect()
-}
-
 impl Cells {
     /// Bytes that cells take.
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -397,107 +334,4 @@ pub(crate) fn side_of(n: Vec3A) -> usize {
         (2, n.z)
     };
     axis * 2 + usize::from(along > 0.0)
-}
-
-/// Keys to numbers in their order, by open addressing.
-#[derive(Debug, Default)]
-struct Table {
-    /// The upper 40 bits of a key above its number, so that a cache line has eight; 0 is a free slot. For one picture in some 100,000 a place without a cell
-    /// is taken for one that has the same bits and slot.
-    slots: Vec<u64>,
-}
-
-impl Table {
-    /// The lower bits, which hold the number.
-    const NUMBERS: u64 = (1 << 24) - 1;
-
-    /// Numbers keys, each of which comes once; there are fewer than 2^24.
-    fn new(keys: impl ExactSizeIterator<Item = u64>) -> Self {
-        assert!(keys.len() as u64 <= Self::NUMBERS, "probes find fewer cells");
-        let mut table = Self { slots: vec![0; (2 * keys.len() + 1).next_power_of_two()] };
-        for (key, number) in keys.zip(0u64..) {
-            let slot = table.slot(key);
-            table.slots[slot] = key & !Self::NUMBERS | number;
-        }
-        table
-    }
-
-    #[inline]
-    fn find(&self, key: u64) -> Option<u32> {
-        let found = *self.slots.get(self.slot(key))?;
-        (found != 0).then_some((found & Self::NUMBERS) as u32)
-    }
-
-    /// The slot of a key, or the free one where it belongs.
-    fn slot(&self, key: u64) -> usize {
-        let mask = self.slots.len().wrapping_sub(1);
-        let mut slot = usize::try_from(key & mask as u64).expect("masked to an index");
-        while let Some(&found) = self.slots.get(slot)
-            && found != 0
-            && (found ^ key) > Self::NUMBERS
-        {
-            slot = (slot + 1) & mask;
-        }
-        slot
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn solved(rows: Vec<(f32, Vec<(u32, f32)>)>) -> Vec<f32> {
-        let rows: Vec<Row> = rows
-            .into_iter()
-            .map(|(direct, links)| Row {
-                direct: Vec3::splat(direct),
-                source: Vec3::ZERO,
-                caustic: Vec3::ZERO,
-                links: links.into_iter().map(|(cell, weight)| (cell, Vec3::splat(weight))).collect(),
-                rays: RayCounts::default(),
-            })
-            .collect();
-        solve(&rows).iter().map(|light| (light.indirect + light.direct).x).collect()
-    }
-
-    #[test]
-    fn light_between_two_sides_is_solved() {
-        // Two walls that see each other alone, one of them lit: E0 = 1 + w E1, E1 = w E0. The eigenvalues are w and -w.
-        for w in [0.3, 0.8, 0.95_f32] {
-            let lit = 1.0 / (1.0 - w * w);
-            let found = solved(vec![(1.0, vec![(1, w)]), (0.0, vec![(0, w)])]);
-            assert!((found[0] / lit - 1.0).abs() < 1e-3 && (found[1] / (w * lit) - 1.0).abs() < 1e-3, "{w}: {found:?}");
-        }
-    }
-
-    #[test]
-    fn light_in_a_white_room_is_solved() {
-        // Eight cells that see each other evenly: E = D + w mean(E).
-        for w in [0.5, 0.98_f32] {
-            let links: Vec<(u32, f32)> = (0..8).map(|cell| (cell, w / 8.0)).collect();
-            let rows = (0..8).map(|cell| (cell as f32, links.clone())).collect();
-            let mean = 3.5 / (1.0 - w);
-            for (cell, found) in solved(rows).into_iter().enumerate() {
-                let expected = cell as f32 + w * mean;
-                assert!((found / expected - 1.0).abs() < 1e-3, "{w}: {found} is not {expected}");
-            }
-        }
-    }
-
-    #[test]
-    fn table_finds_the_keys_that_it_has() {
-        assert_eq!(Table::default().find(1 << 63), None, "no slots");
-        // Unrelated keys, and keys whose slots are the same and wrap round the end.
-        let unrelated = |i: u64| hash(i) | 1 << 63;
-        let crowded = |i: u64| i << 40 | 1 << 63 | 0xff_ffff;
-        for key in [&unrelated as &dyn Fn(u64) -> u64, &crowded] {
-            for count in [0, 1, 2, 7, 8, 1000] {
-                let table = Table::new((0..count).map(key).collect::<Vec<u64>>().into_iter());
-                for i in 0..count + 100 {
-                    let expected = (i < count).then(|| u32::try_from(i).unwrap());
-                    assert_eq!(table.find(key(i)), expected, "key {i} of {count}");
-                }
-            }
-        }
-    }
 }
