@@ -46,7 +46,7 @@ pub(crate) struct SampleNoise {
 }
 
 impl SampleNoise {
-    /// Adds a sample: the light that it found, and the diffuse albedo by which it will reflect what it does not know yet.
+    /// Adds a sample: the light that it found, and the albedo by which it will reflect what it does not know yet.
     pub(crate) fn add(&mut self, light: Vec3, diffuse: Vec3) {
         let value = DVec2::new(f64::from(light.element_sum()), f64::from(diffuse.element_sum())) / 3.0;
         self.count += 1;

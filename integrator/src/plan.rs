@@ -55,11 +55,13 @@ pub(crate) struct Plan {
     pub(crate) probe_rays: u32,
     /// Narrowest glossy lobe that reads its light from a texture; narrower ones are traced.
     pub(crate) texture_alpha: f32,
-    /// Rays that are traced through a glossy lobe for each primary sample.
+    /// Rays that are traced through a glossy lobe for each primary sample, where neighbours do not share them.
     pub(crate) lobe_rays: u32,
     /// Mean square of the relative error that is wanted of lobes whose samples are shared by neighbours; 0 where none are.
     pub(crate) lobe_noise: f32,
-    /// How far things may move within a lobe from one of these neighbours to another, in widths of the lobe.
+    /// Most batches of their samples that a tile of the picture takes; a power of two.
+    pub(crate) lobe_batches: u32,
+    /// How far things may move within a lobe from the middle these neighbours to their ends, in widths of the lobe.
     pub(crate) lobe_parallax: f32,
     /// Primary rays along a side of the picture by which glossy lobes learn from where their light comes; 0 where they do not.
     pub(crate) learners: u32,
@@ -110,6 +112,8 @@ impl Plan {
         // Links that end in a window, or at a lamp by way of gloss, are few and bright.
         let links = if features.glossy || features.environment { 500_000.0 } else { 250_000.0 };
         let learners = round(128.0 * quality.sqrt().sqrt(), 48.0, 256.0).min(settings.size.max_element());
+        // About the quality that takes so many samples.
+        let lobe_quality = settings.spp.map_or(quality, |spp| spp as f32 / 16.0);
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
         let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
@@ -158,10 +162,11 @@ impl Plan {
             texture_alpha: texture_alpha.max(3.0 / n as f32),
             lobe_rays: study.lobe_rays.unwrap_or(12),
             lobe_noise: if features.glossy && study.lobe_reuse != Some(false) {
-                LOBE_NOISE * noise(quality)
+                LOBE_NOISE * noise(lobe_quality)
             } else {
                 0.0
             },
+            lobe_batches: power_of_two(64.0 * lobe_quality.max(1.0)),
             lobe_parallax: 1.5 * quality.max(1.0).sqrt().recip(),
             learners: if features.glossy && study.lobe_guide != Some(false) { learners } else { 0 },
             light_learners: if light_count > 1 && study.light_guide != Some(false) { learners } else { 0 },
@@ -237,7 +242,7 @@ fn noise(quality: f32) -> f32 {
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
 const NOISE: f32 = 6e-4;
 /// The same of shared lobes, as a share of that of primary samples, which are better stratified.
-const LOBE_NOISE: f32 = 0.03;
+const LOBE_NOISE: f32 = 0.08;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
 const MOST_SPP: f32 = 48.0;
 

@@ -214,14 +214,14 @@ impl<S: Secondary> Primary<'_, S> {
         }
         add_emission(terms, bounces, beta * self.scene.emission(&surface));
         if bsdf.has_diffuse() || bsdf.has_glossy() {
-            let light = self.direct_term().sample(&shading, position, sampler, &mut found.rays);
+            let shares_lobe = bounces == 0 && is_shared(self.scene, &shading, self.plan);
+            let light = self.direct_term().sample(&shading, position, shares_lobe, sampler, &mut found.rays);
             if bounces == 0 {
                 terms.direct += beta * light.direct;
             } else {
                 terms.specular += beta * light.direct;
             }
             terms.specular += beta * light.specular;
-            let is_shared = is_shared(&shading, self.plan);
             let footprint = length * self.scene.camera().pixel_angle(self.size);
             let point = SurfacePoint {
                 pixel,
@@ -229,7 +229,7 @@ impl<S: Secondary> Primary<'_, S> {
                 shading: off_seams(self.scene, shading, &ray, &hit, footprint),
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
-                lobe_weight: if is_shared { beta } else { Vec3::ZERO },
+                lobe_weight: if shares_lobe { beta } else { Vec3::ZERO },
                 off_middle: branch.off_middle,
                 position,
                 count: 1.0,
@@ -240,7 +240,7 @@ impl<S: Secondary> Primary<'_, S> {
                 key: hash_pair(key, found.points.len() as u64),
             };
             // Light that the sample itself does not know.
-            *diffuse += if is_shared { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
+            *diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
             add_point(&mut found.points, point, length);
         }
         if bounces < MAX_CHAIN {

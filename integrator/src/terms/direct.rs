@@ -11,7 +11,6 @@ use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::guide::{Guide, LobeGuide};
 use crate::terms::light_guide::{LightGuide, takes_guide};
-use crate::terms::reuse::is_shared;
 
 /// Shades primary samples.
 #[derive(Debug)]
@@ -67,11 +66,12 @@ impl Light {
 
 impl<S: Secondary> DirectTerm<'_, S> {
     /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for the diffuse lobe, not for the
-    /// glossy one.
+    /// glossy one, which is left to neighbours if it `shares_lobe`.
     pub(crate) fn sample(
         &self,
         shading: &Shading,
         position: UVec2,
+        shares_lobe: bool,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Light {
@@ -91,7 +91,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
         }
-        if shading.bsdf.has_glossy() && !is_shared(shading, self.plan) {
+        if shading.bsdf.has_glossy() && !shares_lobe {
             self.add_lobe(shading, position, sampler, rays, &mut light);
         }
         light

@@ -11,16 +11,17 @@
 //! where x, or what stands before it, is so near that it moves within a lobe from point to point: there tiles are divided, down to
 //! points alone, and what is near or itself so glossy that it looks different is for its own point.
 //!
-//! A point stands for all samples of its pixel on a surface, which are alike only where the surface is flat. So curved surfaces take no part.
+//! A point stands for all samples of its pixel on a surface, which are alike only where the surface is flat and seen directly. So curved surfaces take no part, nor do reflections.
 //!
 //! # Source
 //! Bekaert, Sbert, Halton 2002: Accelerating Path Tracing by Re-Using Paths.
 
 use std::iter::zip;
+use std::ops::Range;
 
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
-use scene::Lobes;
+use scene::{Lobes, Scene};
 
 use super::direct::{DirectTerm, Light, LobeWay, Met, alpha, guided_way, is_guided, is_traced, lobe_rays};
 use super::guide::Guide;
@@ -35,24 +36,24 @@ use crate::surface_points::{PixelPoints, SurfacePoint, same_surface};
 
 /// Pixels along a side of a tile.
 const SIDE: usize = 4;
-/// Batches of samples that every tile takes, and the most that any does.
+/// Batches of samples that every tile takes.
 const FIRST: u32 = 2;
-const MOST: u32 = 64;
 /// Most samples of a batch for each point.
 const BATCH: u32 = 8;
 /// Keeps these random numbers apart from those of the picture.
 const STREAM: u64 = 0x0072_6575_7365;
 
-/// Whether a primary sample leaves its lobe to the points of its tile.
-pub(crate) fn is_shared(shading: &Shading, plan: &Plan) -> bool {
+/// Whether a primary sample that met no mirror before leaves its lobe to the points of its tile.
+pub(crate) fn is_shared(scene: &Scene, shading: &Shading, plan: &Plan) -> bool {
     /// Narrower lobes see too little that is the same.
     const MIN_ALPHA: f32 = 0.04;
-    /// Of the cosine between the two normals of a flat surface.
-    const FLAT: f32 = 1.0 - 1e-4;
+    /// Of the cosine between the two normals of a flat triangle.
+    const FLAT: f32 = 1.0 - 1e-6;
     let surface = &shading.surface;
     plan.lobe_noise > 0.0
         && is_traced(shading, plan)
         && alpha(shading) >= MIN_ALPHA
+        && (surface.primitive as usize) < scene.triangle_count()
         && surface.n.dot(surface.ng) >= FLAT
 }
 
@@ -75,14 +76,21 @@ struct Found {
     weight: Vec3,
 }
 
+/// Where a sample of a point found something.
+type Place = (Vec3A, usize);
+
 /// A tile after its first batches.
 struct Tile<'a> {
     groups: Vec<Group<'a>>,
     /// Sums over the batches of the light of the points of each group.
     lights: Vec<Vec<Light>>,
+    /// What the first batch found, by which later ones are divided: a batch that judged itself would share too much where it happened to meet nothing near.
+    places: Vec<Vec<Place>>,
     /// Relative noise of the mean of the first batches, summed over the pixels, by squares.
     noise: f64,
     rays: RayCounts,
+    /// Samples that were not finite.
+    dropped: u64,
 }
 
 /// Adds the light of shared lobes to the pixels of a band of `width`, in which the indirect light has about the radiance `ambient`.
@@ -105,34 +113,21 @@ pub(crate) fn share_lobes<S: Secondary>(
         .into_par_iter()
         .map(|number| {
             let corner = [number % columns * SIDE, number / columns * SIDE];
-            let groups = groups(direct, pixels, width, corner);
-            let lights = groups.iter().map(|group| vec![Light::default(); group.points.len()]).collect();
-            let mut tile = Tile { groups, lights, noise: 0.0, rays: RayCounts::default() };
-            tile.take(direct, 0..1, seed);
-            let first = tile.lights.clone();
-            tile.take(direct, 1..FIRST, seed);
-            for ((group, first), both) in tile.groups.iter().zip(&first).zip(&tile.lights) {
-                for (((pixel, point), first), both) in group.points.iter().zip(first).zip(both) {
-                    let pixel = &pixels[*pixel];
-                    let part = |light: &Light| {
-                        let light = point.lobe_weight * (light.direct + light.specular);
-                        f64::from(light.element_sum()) / f64::from(3 * pixel.samples)
-                    };
-                    let (first, both) = (part(first), part(both));
-                    let mean = pixel.noise.mean(ambient) + 0.5 * both;
-                    tile.noise += (first - 0.5 * both).powi(2) / (mean * mean + floor_sq);
-                }
-            }
+            let mut tile = Tile::new(groups(direct, pixels, width, corner));
+            let first = tile.start(direct, seed);
+            tile.noise =
+                tile.noise_by(&first, |pixel| (pixels[pixel].samples, pixels[pixel].noise.mean(ambient)), floor_sq);
             tile
         })
         .collect();
-    let batches = batches(&tiles, columns, pixels.len(), direct.plan.lobe_noise);
+    let batches = batches(&tiles, columns, pixels.len(), direct.plan);
     tiles.par_iter_mut().zip(&batches).for_each(|(tile, batches)| tile.take(direct, FIRST..*batches, seed));
-    let found: Vec<(Vec<(usize, Terms)>, RayCounts)> =
-        tiles.into_par_iter().zip(batches).map(|(tile, batches)| (tile.terms(batches), tile.rays)).collect();
-    for (found, rays) in found {
+    let found: Vec<_> =
+        tiles.iter().zip(batches).map(|(tile, batches)| (tile.terms(batches), tile.rays, tile.dropped)).collect();
+    for (found, rays, dropped) in found {
         if let Some((pixel, _)) = found.first() {
             pixels[*pixel].rays += rays;
+            pixels[*pixel].dropped += dropped;
         }
         for (pixel, terms) in found {
             let pixel = &mut pixels[pixel];
@@ -145,22 +140,26 @@ pub(crate) fn share_lobes<S: Secondary>(
     }
 }
 
-/// How many batches each tile takes altogether, so that the mean noise of `pixels` pixels is `wanted`: as many as its noise is large, by the tiles around it, so that no tile
-/// judges itself.
-fn batches(tiles: &[Tile<'_>], columns: usize, pixels: usize, wanted: f32) -> Vec<u32> {
-    let noise = |tile: usize| {
+/// How many batches each tile takes altogether, so that the mean noise of `pixels` pixels is what the plan wants: as many as its noise is large, by the tiles around it, so that no
+/// tile judges itself. One of which nothing is known takes the most.
+fn batches(tiles: &[Tile<'_>], columns: usize, pixels: usize, plan: &Plan) -> Vec<u32> {
+    let deviation = |tile: usize| {
+        if tiles[tile].groups.is_empty() {
+            return Some(0.0);
+        }
         let around = neighbours(tile, columns, tiles.len()).filter(|&near| !tiles[near].groups.is_empty());
         let (sum, count) = around.fold((0.0, 0.0), |(sum, count), near| (sum + tiles[near].noise, count + 1.0));
-        if tiles[tile].groups.is_empty() || count == 0.0 { 0.0 } else { sum / count }
+        (count > 0.0).then(|| f64::sqrt(sum / count))
     };
-    let deviations: Vec<f64> = (0..tiles.len()).into_par_iter().map(|tile| noise(tile).sqrt()).collect();
-    let factor = f64::from(FIRST) * deviations.iter().sum::<f64>() / (f64::from(wanted) * pixels as f64);
-    let doublings = |batches: f64| (batches / f64::from(FIRST)).max(1.0).log2().round();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST")]
-    deviations
-        .into_iter()
-        .map(|deviation| ((f64::from(FIRST) * doublings(factor * deviation).exp2()) as u32).min(MOST))
-        .collect()
+    let deviations: Vec<Option<f64>> = (0..tiles.len()).into_par_iter().map(deviation).collect();
+    let sum: f64 = deviations.iter().flatten().sum();
+    let factor = sum / (f64::from(plan.lobe_noise) * pixels as f64);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
+    let count = |deviation: f64| {
+        let most = f64::from(plan.lobe_batches / FIRST);
+        FIRST << (factor * deviation).clamp(1.0, most).log2().round() as u32
+    };
+    deviations.into_iter().map(|deviation| deviation.map_or(plan.lobe_batches, count)).collect()
 }
 
 /// The points of a tile that share their lobes, by their surfaces.
@@ -180,7 +179,9 @@ fn groups<'a, S: Secondary>(
         let Shading { surface, .. } = &point.shading;
         let same = groups.iter_mut().find(|group| {
             let (_, first) = group.points[0];
-            first.chain == point.chain && same_surface(&first.shading.surface, surface, TOLERANCE * surface.t)
+            // Where black texels of the diffuse part make the one lobe traced and the other not, they have nothing in common.
+            let both = [first, point].map(|point| is_traced(&point.shading, direct.plan));
+            both[0] == both[1] && same_surface(&first.shading.surface, surface, TOLERANCE * surface.t)
         });
         if let Some(group) = same {
             group.points.push((pixel, point));
@@ -198,12 +199,55 @@ fn groups<'a, S: Secondary>(
     groups
 }
 
-impl Tile<'_> {
-    /// Takes more batches.
-    fn take<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, batches: std::ops::Range<u32>, seed: u64) {
+impl<'a> Tile<'a> {
+    /// A tile without light yet.
+    fn new(groups: Vec<Group<'a>>) -> Self {
+        let lights = groups.iter().map(|group| vec![Light::default(); group.points.len()]).collect();
+        Self { groups, lights, places: Vec::new(), noise: 0.0, rays: RayCounts::default(), dropped: 0 }
+    }
+
+    /// Takes the first two batches, each divided by what the other found; gives the light after one of them.
+    fn start<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, seed: u64) -> Vec<Vec<Light>> {
+        let mut after_one = Vec::new();
         for (group, lights) in self.groups.iter().zip(&mut self.lights) {
+            let mut trace = |batch, lights: &mut [Light]| {
+                group.trace(direct, batch, seed, lights, &mut self.rays, &mut self.dropped)
+            };
+            let mut first = trace(0, lights);
+            let mut own = vec![Light::default(); lights.len()];
+            let mut second = trace(1, &mut own);
+            let places = places(&first);
+            group.share(&mut group.members(), &mut first, &mut self::places(&second), lights);
+            after_one.push(lights.clone());
+            group.share(&mut group.members(), &mut second, &mut places.clone(), lights);
+            zip(lights, &own).for_each(|(light, own)| light.add(own));
+            self.places.push(places);
+        }
+        after_one
+    }
+
+    /// The noise by the light after the first of two batches, the number of samples and about the mean of each pixel, and what keeps dark pixels from ruling.
+    fn noise_by(&self, first: &[Vec<Light>], pixel: impl Fn(usize) -> (u32, f64), floor_sq: f64) -> f64 {
+        let mut noise = 0.0;
+        for (group, (first, both)) in zip(&self.groups, zip(first, &self.lights)) {
+            for ((number, point), (first, both)) in zip(&group.points, zip(first, both)) {
+                let (samples, mean) = pixel(*number);
+                let [first, both] = [first, both].map(|light| {
+                    let light = point.lobe_weight * (light.direct + light.specular);
+                    f64::from(light.element_sum()) / f64::from(3 * samples)
+                });
+                noise += (first - 0.5 * both).powi(2) / (mean * mean + floor_sq);
+            }
+        }
+        noise
+    }
+
+    /// Takes more batches.
+    fn take<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, batches: Range<u32>, seed: u64) {
+        for ((group, lights), places) in self.groups.iter().zip(&mut self.lights).zip(&self.places) {
             for batch in batches.clone() {
-                group.take(direct, batch, seed, lights, &mut self.rays);
+                let mut found = group.trace(direct, batch, seed, lights, &mut self.rays, &mut self.dropped);
+                group.share(&mut group.members(), &mut found, &mut places.clone(), lights);
             }
         }
     }
@@ -215,12 +259,7 @@ impl Tile<'_> {
             for ((pixel, point), light) in group.points.iter().zip(lights) {
                 let weight = point.lobe_weight / batches as f32;
                 let (direct, specular) = (weight * light.direct, weight * light.specular);
-                let terms = if point.chain == 0 {
-                    Terms { direct, specular, ..Terms::default() }
-                } else {
-                    Terms { specular: direct + specular, ..Terms::default() }
-                };
-                found.push((*pixel, terms));
+                found.push((*pixel, Terms { direct, specular, ..Terms::default() }));
             }
         }
         found
@@ -228,15 +267,21 @@ impl Tile<'_> {
 }
 
 impl Group<'_> {
-    /// Takes one batch of samples of every point, and adds the light that all have of them.
-    fn take<S: Secondary>(
+    /// The numbers of the points.
+    fn members(&self) -> Vec<usize> {
+        (0..self.points.len()).collect()
+    }
+
+    /// Takes one batch of samples of every point: adds the light that is for the point alone, and returns what all may share.
+    fn trace<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
         batch: u32,
         seed: u64,
         lights: &mut [Light],
         rays: &mut RayCounts,
-    ) {
+        dropped: &mut u64,
+    ) -> Vec<Found> {
         let mut found = Vec::new();
         let points = u32::try_from(self.points.len()).expect("a tile is small");
         let mut indices = batch * self.count * points..;
@@ -245,12 +290,16 @@ impl Group<'_> {
                 let Some((mut way, mut sampler)) = self.way(direct, &point.shading, index, seed) else { continue };
                 way.weight /= self.count as f32;
                 let (own, met) = direct.look_along(&point.shading, &way, &mut sampler, rays);
-                lights[from].add(&own);
-                found.extend(met.map(|met| Found { met, from, weight: way.weight }));
+                let radiance = met.map_or(Vec3::ZERO, |met| met.radiance);
+                if (own.direct + own.specular + radiance).is_finite() {
+                    lights[from].add(&own);
+                    found.extend(met.map(|met| Found { met, from, weight: way.weight }));
+                } else {
+                    *dropped += 1;
+                }
             }
         }
-        let mut members: Vec<usize> = (0..self.points.len()).collect();
-        self.share(&mut members, &mut found, lights);
+        found
     }
 
     /// Chooses a direction for sample number `index` of the group: half of them by the guide, if there is one.
@@ -278,8 +327,8 @@ impl Group<'_> {
         self.guide.map_or(pdf, |guide| 0.5 * (pdf + guide.pdf(wi)))
     }
 
-    /// Gives what samples of `members` found to all of them, or to fewer where much of it is near.
-    fn share(&self, members: &mut [usize], found: &mut [Found], lights: &mut [Light]) {
+    /// Gives what samples of `members` found to all of them, or to fewer where much of what another batch found is near.
+    fn share(&self, members: &mut [usize], found: &mut [Found], others: &mut [Place], lights: &mut [Light]) {
         /// Nearer things than the lobe allows are at most so many of what was found.
         const NEAR_SHARE: f32 = 0.02;
         let place = |member: usize| self.points[member].1.shading.surface.p;
@@ -290,9 +339,9 @@ impl Group<'_> {
         let (middle, extent) = (0.5 * (low + high), 0.5 * high.distance(low));
         let is_alone = extent <= 0.0;
         let width = alpha(&self.points[members[0]].1.shading);
-        let is_near = |found: &Found, width: f32| found.met.p.distance(middle) * width * self.parallax < extent;
-        let near = found.iter().filter(|found| is_near(found, width)).count();
-        if near as f32 > NEAR_SHARE * found.len() as f32 {
+        let is_near = |p: Vec3A, width: f32| p.distance(middle) * width * self.parallax < extent;
+        let near = others.iter().filter(|(p, _)| is_near(*p, width)).count();
+        if near as f32 > NEAR_SHARE * others.len() as f32 {
             let axis = (high - low).max_position();
             // Both parts have a member, however near these are.
             let is_high = |member: usize| place(member)[axis] - low[axis] > high[axis] - place(member)[axis];
@@ -300,13 +349,15 @@ impl Group<'_> {
             found.sort_by_key(|found| is_high(found.from));
             let (low, high) = members.split_at_mut(members.partition_point(|&member| !is_high(member)));
             let (of_low, of_high) = found.split_at_mut(found.partition_point(|found| !is_high(found.from)));
-            self.share(low, of_low, lights);
-            self.share(high, of_high, lights);
+            others.sort_by_key(|(_, from)| is_high(*from));
+            let (by_low, by_high) = others.split_at_mut(others.partition_point(|(_, from)| !is_high(*from)));
+            self.share(low, of_low, by_low, lights);
+            self.share(high, of_high, by_high, lights);
             return;
         }
         let mut values = vec![Vec3::ZERO; members.len()];
         for found in found {
-            if is_alone || is_near(found, width.min(found.met.alpha)) {
+            if is_alone || is_near(found.met.p, width.min(found.met.alpha)) {
                 lights[found.from].specular += found.weight * found.met.radiance;
             } else {
                 self.give(&found.met, members, &mut values, lights);
@@ -325,7 +376,8 @@ impl Group<'_> {
             let wi = way / distance_sq.sqrt();
             let local = frame.to_local(wi);
             let pdf = bsdf.pdf(Lobes::SPECULAR, *wo, local);
-            if pdf <= 0.0 || wi.dot(surface.ng) <= 0.0 {
+            // Written so that NaN, of no distance, is refused.
+            if !(pdf > 0.0 && wi.dot(surface.ng) > 0.0) {
                 continue;
             }
             // From solid angles to areas of the surface that was met.
@@ -342,10 +394,15 @@ impl Group<'_> {
     }
 }
 
+/// Where samples found something.
+fn places(found: &[Found]) -> Vec<Place> {
+    found.iter().map(|found| (found.met.p, found.from)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use glam::UVec2;
-    use scene::{Camera, Description, Material, Mesh, Scene, SpecularKind};
+    use scene::{Camera, Description, Material, Mesh, SpecularKind};
 
     use super::*;
     use crate::secondary::tests::square;
@@ -424,17 +481,27 @@ mod tests {
         let tile = |noise: f64| Tile {
             groups: vec![Group { points: Vec::new(), guide: None, count: 2, key: 0, parallax: 1.0 }],
             lights: Vec::new(),
+            places: Vec::new(),
             noise,
             rays: RayCounts::default(),
+            dropped: 0,
         };
+        let plan = |lobe_noise: f32| Plan { lobe_noise, ..Plan::new(&room(0.1), &Settings::default()) };
         let mut tiles: Vec<Tile<'_>> = (0..64).map(|_| tile(0.0)).collect();
         tiles[9].noise = 100.0;
         let pixels = 64 * SIDE * SIDE;
-        let found = batches(&tiles, 8, pixels, 1e-2);
-        assert_eq!([found[9], found[63]], [FIRST, FIRST], "not where a tile alone is, nor far from it");
+        let found = batches(&tiles, 8, pixels, &plan(1e-2));
+        assert_eq!([found[9], found[63]], [FIRST, FIRST], "neither for its own noise nor far from it");
         assert!(found[0] > FIRST && found[18] > FIRST, "beside it: {} and {}", found[0], found[18]);
-        assert!(batches(&tiles, 8, pixels, 1e-9).iter().all(|&batches| batches <= MOST), "the limit");
+        assert!(
+            batches(&tiles, 8, pixels, &plan(1e-9)).iter().all(|&batches| batches <= plan(1e-9).lobe_batches),
+            "the limit"
+        );
         tiles[0].groups.clear();
-        assert_eq!(batches(&tiles, 8, pixels, 1e-2)[0], FIRST, "nothing to share");
+        assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], FIRST, "nothing to share");
+        tiles[1..].iter_mut().for_each(|tile| tile.groups.clear());
+        let alone = Tile::new(vec![Group { points: Vec::new(), guide: None, count: 2, key: 0, parallax: 1.0 }]);
+        tiles[0] = alone;
+        assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], plan(1e-2).lobe_batches, "nothing known");
     }
 }
