@@ -61,7 +61,7 @@ pub(crate) struct Plan {
     pub(crate) lobe_noise: f32,
     /// Most batches of their samples that a tile of the picture takes; a power of two.
     pub(crate) lobe_batches: u32,
-    /// How far things may move within a lobe from the middle these neighbours to their ends, in widths of the lobe.
+    /// How far things may move within a lobe from the middle of these neighbours to their ends, in widths of the lobe.
     pub(crate) lobe_parallax: f32,
     /// Primary rays along a side of the picture by which glossy lobes learn from where their light comes; 0 where they do not.
     pub(crate) learners: u32,

@@ -59,7 +59,9 @@ impl Aabb {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, which the caller moves outwards")]
-fn narrow(x: f64) -> f32 {
+/// Rounds to the nearest f32.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
+pub(crate) fn narrow(x: f64) -> f32 {
     x as f32
 }

@@ -48,11 +48,7 @@ pub(crate) struct Light {
 /// What a lobe's sample met.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Met {
-    pub(crate) p: Vec3A,
-    /// Its geometric normal.
-    pub(crate) n: Vec3A,
-    /// About the angle over which the light that it reflects is the same: 0 for mirrors and glass, 1 where it is diffuse.
-    pub(crate) alpha: f32,
+    pub(crate) surface: Surface,
     /// What it reflects to the lobe.
     pub(crate) radiance: Vec3,
 }
@@ -182,12 +178,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let met = is_traced(shading, self.plan).then(|| {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
             let radiance = follower.reflected(&ray, surface, sampler, rays);
-            let alpha = match self.scene.bsdf(&surface).specular {
-                Specular::None => 1.0,
-                Specular::Ggx { alpha, .. } => alpha,
-                Specular::Mirror { .. } | Specular::Dielectric { .. } => 0.0,
-            };
-            Met { p: surface.p, n: surface.ng, alpha, radiance }
+            Met { surface, radiance }
         });
         (light, met)
     }

@@ -12,6 +12,7 @@ use glam::{DVec3, Vec2, Vec3, Vec3A};
 use super::LANES;
 use super::lane_ray::LaneRay;
 use crate::Ray;
+use crate::bounds::narrow;
 
 /// Up to eight triangles, a lane each; a lane may also hold a free form or nothing, whose corners are NaN.
 #[derive(Debug, Clone, Copy)]
@@ -164,9 +165,4 @@ fn exact_edge(a: &[f32; LANES], b: &[f32; LANES], c: &[f32; LANES], d: &[f32; LA
         let sign = if exact > 0.0 { 1.0 } else { -1.0 };
         *rounded = if exact == 0.0 { 0.0 } else { sign * narrow(exact.abs()).max(f32::MIN_POSITIVE) };
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-fn narrow(x: f64) -> f32 {
-    x as f32
 }

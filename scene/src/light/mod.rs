@@ -17,6 +17,7 @@ mod triangle;
 
 use glam::{Vec2, Vec3, Vec3A};
 
+use crate::bounds::narrow;
 use crate::{Aabb, Environment, PunctualLight, Ray, Surface};
 use choice::Choice;
 use environment::EnvironmentLight;
@@ -399,11 +400,6 @@ fn join_rectangles(triangles: Vec<TriangleLight>) -> (Vec<RectangleLight>, Vec<T
         }
     }
     (rectangles, single)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
-fn narrow(x: f64) -> f32 {
-    x as f32
 }
 
 impl Sphere {
