@@ -96,8 +96,8 @@ pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[First
         (around.variance(ambient) / (around.mean(ambient).powi(2) + floor_sq)) as f32
     };
     let noise: Vec<f32> = (0..pixels.len()).into_par_iter().map(noise).collect();
-    // Binary logarithms of its root, the number of samples for k = 1; -inf where there is no noise.
-    let needs: Vec<f32> = noise.par_iter().map(|noise| 0.5 * noise.log2()).collect();
+    // Binary logarithms of the number of samples for k = 1; -inf where there is no noise.
+    let needs: Vec<f32> = noise.par_iter().map(|noise| 0.4 * noise.log2()).collect();
     let (Budget::Mean(most) | Budget::Noise(_, most)) = budget;
     let most_doublings = ((MOST * most / first) as f32).log2().floor();
     let doublings = |need: f32, k: f32| (need + k).round().clamp(0.0, most_doublings);

@@ -161,19 +161,18 @@ impl<'a> PathTracer<'a> {
             let wo = frame.to_local(-ray.direction);
             sampler.start_bounce(vertex);
 
-            // Light and direction have a pair each in every bounce, roulette has one where it plays, and choices have the last where there are any: so the
-            // numbers before keep their meaning over the samples.
-            let (u_point, u_direction) = (sampler.next_pair(), sampler.next_pair());
+            // The choice of a light and the point on it come from one block, and so do that of a lobe and its direction: samples are stratified on each light and
+            // in each lobe. Every bounce takes the same blocks, so that they keep their meaning over the samples.
+            let u_light = sampler.next_4d_for(self.has_light_choice);
+            let [u_lobe, u, v, _] = sampler.next_4d_for(bsdf.has_choice());
             let u_roulette = if vertex >= ROULETTE_START { sampler.next_pair().x } else { 0.0 };
-            let has_choice = self.has_light_choice || bsdf.has_choice();
-            let u_choice = if has_choice { sampler.next_pair() } else { Vec2::splat(0.5) };
             if !bsdf.is_delta()
-                && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_choice.x, u_point)
+                && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_light)
             {
                 add(&mut sample.terms, flight.after(false), throughput, reflected);
             }
 
-            let Some(next) = bsdf.sample(Lobes::ALL, wo, u_choice.y, u_direction) else { return };
+            let Some(next) = bsdf.sample(Lobes::ALL, wo, u_lobe, Vec2::new(u, v)) else { return };
             let wi = frame.to_world(next.wi);
             if !is_on_side(&surface, wi, next.transmitted) {
                 return;
@@ -209,10 +208,9 @@ impl PathTracer<'_> {
         bsdf: &Bsdf,
         frame: &Frame,
         wo: Vec3A,
-        u_choice: f32,
-        u: Vec2,
+        [u_choice, u, v, _]: [f32; 4],
     ) -> Option<Vec3> {
-        let light = self.scene.lights().sample(surface.p, surface.n, u_choice, u)?;
+        let light = self.scene.lights().sample(surface.p, surface.n, u_choice, Vec2::new(u, v))?;
         if !is_on_side(surface, light.wi, false) {
             return None;
         }

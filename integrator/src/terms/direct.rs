@@ -78,11 +78,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let ways = LightWays { count: 1, choice, sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways);
         for mut sampler in sampler.split_into(count) {
-            // The best stratified pair is for the point of the light.
-            let point = sampler.next_pair();
-            let u_choice = if has_light_choice { sampler.next_1d() } else { 0.5 };
-            let u = [u_choice, point.x, point.y, 0.0];
-            light.direct += lights.sample(u, rays) / count as f32;
+            // The light and the point on it from one block, so that samples are stratified on each light too.
+            light.direct += lights.sample(sampler.next_4d_for(has_light_choice), rays) / count as f32;
         }
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
