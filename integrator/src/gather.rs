@@ -7,7 +7,7 @@ use reproject::{Traced, Tracer};
 use scene::{Bsdf, Scene, Specular, Surface};
 
 use crate::allocation::neighbours;
-use crate::sampler::{Rng, Sampler, hash_pair};
+use crate::sampler::{Rng, Sampler, hash_pair, in_cell};
 use crate::secondary::{Follower, Secondary};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
@@ -38,7 +38,6 @@ impl<S: Secondary> Gatherer<'_, S> {
             samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
             samples.view_dependent[texel] = found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
         }
-        let is_glossy = samples.view_dependent.clone();
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
@@ -47,34 +46,27 @@ impl<S: Secondary> Gatherer<'_, S> {
             }
         }
         rays.gather += (n * n) as u64;
-        if self.sky.is_some() || is_glossy.contains(&true) {
-            self.refine(surface, frame, &mut samples, &is_glossy, key, rays);
-        }
+        self.refine(surface, frame, &mut samples, key, rays);
         samples
     }
 
-    /// Looks again, with several rays, through the texels where the sky ends and where what `is_glossy` shines: a window is so bright beside its frame, and a
-    /// highlight beside what else is reflected, that one ray a texel would measure its area too roughly.
-    fn refine(
-        &self,
-        surface: &Surface,
-        frame: &Frame,
-        samples: &mut Samples,
-        is_glossy: &[bool],
-        key: u64,
-        rays: &mut RayCounts,
-    ) {
+    /// Divides the texels where the sky ends, and those between bright and dark, and looks through each part: one ray a texel would measure the area of what
+    /// is bright there too roughly.
+    fn refine(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
         let n = samples.resolution();
-        let counts = further_rays(samples, is_glossy, self.sky.is_some());
-        for (texel, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
+        let divisions = divisions(samples, self.sky.is_some());
+        for (texel, side) in divisions.into_iter().enumerate().filter(|(_, side)| *side > 1) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
             let mut parts = [Vec3::ZERO; 2];
             let (first, shows_sky) = (samples.radiance[texel], samples.distance[texel].is_infinite());
             parts[usize::from(shows_sky)] += first;
+            let seen = (samples.jitter(texel) * side as f32).as_uvec2();
+            let count = side * side - 1;
             for number in 0..count {
                 let stream = hash_pair(key, texel as u64);
                 let mut sampler = Sampler::new(self.seed ^ FURTHER_STREAM, stream, number);
-                let jitter = sampler.next_pair();
+                let part = (seen.y * side + seen.x + 1 + number) % (side * side);
+                let jitter = in_cell(part, side, sampler.next_pair());
                 let wi = frame.to_world(hemimap::square_to_cosine_hemisphere((place + jitter) / n as f32));
                 let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
                 parts[usize::from(traced.distance.is_infinite())] += traced.radiance;
@@ -139,33 +131,40 @@ fn settle_highlights(samples: &mut Samples) {
     }
 }
 
-/// Returns how many rays more each texel takes: where the sky ends, if there is one, and beside glossy texels that shine. By the other texels alone: if its own ray had
-/// a say, the mean would be biased.
-fn further_rays(samples: &Samples, is_glossy: &[bool], has_sky: bool) -> Vec<u32> {
+/// Returns into how many parts along a side each texel is divided: where the sky ends, if there is one, and where it gets brighter or darker from one of its
+/// neighbours to the one across. By the other texels alone: if its own ray had a say, the mean would be biased.
+fn divisions(samples: &Samples, has_sky: bool) -> Vec<u32> {
     let n = samples.resolution();
-    let around = |texel: usize| neighbours(texel, n, n * n);
-    let sum: Vec3 = samples.radiance.iter().sum();
-    let shines_beside = |texel: usize| {
-        let mean = (sum - samples.radiance[texel]).max_element() / (n * n - 1) as f32;
-        around(texel).any(|other| is_glossy[other] && samples.radiance[other].max_element() > BRIGHT * mean)
+    let radiance: Vec<f32> = samples.radiance.iter().map(|radiance| radiance.element_sum()).collect();
+    let total: f32 = radiance.iter().sum();
+    let is_edge = |texel: usize| {
+        let across = |step: usize| (radiance[texel + step] - radiance[texel - step]).powi(2);
+        let is_inside = |place: usize| place > 0 && place + 1 < n;
+        let mean_sq = match (is_inside(texel % n), is_inside(texel / n)) {
+            (true, true) => 0.25 * (across(1) + across(n - 1) + across(n) + across(n + 1)),
+            (true, false) => across(1),
+            (false, true) => across(n),
+            (false, false) => 0.0,
+        };
+        let limit = CONTRAST * (total - radiance[texel]) / (n * n - 1) as f32;
+        mean_sq > limit * limit
     };
     let is_sky = |texel: usize| samples.distance[texel].is_infinite();
     let is_rim = |texel: usize| {
-        let mut others = around(texel).map(is_sky);
+        let mut others = neighbours(texel, n, n * n).map(is_sky);
         let first = others.next();
         others.any(|sky| Some(sky) != first)
     };
-    let has_gloss = is_glossy.contains(&true);
-    let count = |texel: usize| {
+    let side = |texel: usize| {
         if has_sky && is_rim(texel) {
-            RIM_RAYS
-        } else if has_gloss && shines_beside(texel) {
-            HIGHLIGHT_RAYS
+            RIM_SIDE
+        } else if is_edge(texel) {
+            EDGE_SIDE
         } else {
-            0
+            1
         }
     };
-    (0..n * n).map(count).collect()
+    (0..n * n).map(side).collect()
 }
 
 /// The [`Tracer`] of a point: hole rays with light, verification rays without.
@@ -198,9 +197,11 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
     }
 }
 
-/// Rays through a texel at the rim of the sky, and through one beside a highlight, besides the first.
-const RIM_RAYS: u32 = 8;
-const HIGHLIGHT_RAYS: u32 = 2;
+/// Parts along a side of a texel at the rim of the sky, and of one between bright and dark.
+const RIM_SIDE: u32 = 3;
+const EDGE_SIDE: u32 = 2;
+/// There the texels across differ by so many times the mean of the texture, in the root mean square of the four directions.
+const CONTRAST: f32 = 2.0;
 /// Keeps the random numbers of further rays apart from those of records.
 const FURTHER_STREAM: u64 = 0x0072_696d;
 /// Keeps the random numbers of hole rays apart from those of records.
@@ -209,11 +210,24 @@ const HOLE_STREAM: u64 = 0x686f_6c65;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::secondary::NoSecondary;
     use crate::secondary::tests::square;
+    use crate::secondary::{Known, NoSecondary};
     use scene::{Description, Environment, Material, Mesh, Ray};
 
     const N: usize = 6;
+
+    /// The same light everywhere, so that a white surface has the radiance 1.
+    struct Even;
+
+    impl Secondary for Even {
+        fn irradiance(&self, _: &Surface) -> Option<Known> {
+            Some(Known { direct: Some(Vec3::ZERO), indirect: Vec3::splat(std::f32::consts::PI), resolution: 0.0 })
+        }
+
+        fn caustic_irradiance(&self, _: &Surface) -> Vec3 {
+            Vec3::ZERO
+        }
+    }
 
     #[test]
     fn texels_that_show_the_sky_and_what_ends_it_stand_where_that_does() {
@@ -261,32 +275,78 @@ mod tests {
     }
 
     #[test]
-    fn texels_beside_a_highlight_take_more_rays_and_it_has_no_say_in_its_own() {
+    fn texels_between_bright_and_dark_are_divided_by_others_than_themselves() {
         let mut samples = even();
-        let shining = 2 * N + 3;
-        samples.radiance[shining] = Vec3::splat(50.0);
-        let mut is_glossy = vec![false; N * N];
-        assert!(further_rays(&samples, &is_glossy, false).iter().all(|&count| count == 0), "bright, but not glossy");
-        is_glossy[shining] = true;
-        let counts = further_rays(&samples, &is_glossy, false);
-        assert_eq!(counts[shining], 0, "its neighbours do not shine");
-        for beside in [shining - 1, shining + 1, shining - N, shining + N + 1] {
-            assert_eq!(counts[beside], HIGHLIGHT_RAYS, "texel {beside}");
+        assert!(divisions(&samples, false).iter().all(|&side| side == 1), "all alike");
+        let bright = 2 * N + 3;
+        samples.radiance[bright] = Vec3::splat(50.0);
+        let sides = divisions(&samples, false);
+        assert_eq!(sides[bright], 1, "its neighbours are alike");
+        for beside in [bright - 1, bright + 1, bright - N, bright + N + 1] {
+            assert_eq!(sides[beside], EDGE_SIDE, "texel {beside}");
         }
-        assert_eq!(counts.iter().filter(|count| **count > 0).count(), 8);
-        // However bright a texel is, it does not outshine the one beside it in the limit of its own count.
-        samples.radiance[shining + 1] = Vec3::splat(1e6);
-        is_glossy[shining + 1] = true;
-        assert_eq!(further_rays(&samples, &is_glossy, false)[shining + 1], HIGHLIGHT_RAYS);
+        assert_eq!(sides.iter().filter(|side| **side > 1).count(), 8);
+        // However bright a texel is, that does not change whether it is divided.
+        for texel in [bright + 1, bright + 2] {
+            let mut changed = samples.clone();
+            changed.radiance[texel] = Vec3::splat(1e6);
+            assert_eq!(divisions(&changed, false)[texel], sides[texel], "texel {texel}");
+        }
+    }
+
+    #[test]
+    fn divided_texels_have_the_light_of_many_rays_and_little_noise() {
+        // A white wall, and a black one that covers its upper half, seen from below.
+        let wall =
+            |z: f32, low: f32| [(-3.0, low), (3.0, low), (3.0, 2.0), (-3.0, 2.0)].map(|(x, y)| Vec3::new(x, y, z));
+        let mesh = Mesh {
+            positions: [square(3.0, -1.0), wall(-1.0, -1.0), wall(-0.9, 0.3)].concat(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]],
+            materials: vec![0, 0, 1, 1, 0, 0],
+            ..Mesh::default()
+        };
+        let black = Material { diffuse: Vec3::ZERO, ..Material::default() };
+        let white = Material { diffuse: Vec3::ONE, ..Material::default() };
+        let description = Description { meshes: vec![mesh], materials: vec![black, white], ..Description::default() };
+        let scene = Scene::new(description).unwrap();
+        let down = Ray::new(Vec3A::new(0.1, 0.5, 0.2), Vec3A::NEG_Y);
+        let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
+        let frame = Frame::from_normal(floor.n);
+        let gatherer = Gatherer { scene: &scene, secondary: &Even, sky: None, seed: 3 };
+        let spread = |values: &[f64]| {
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64)
+        };
+        let mut rays = RayCounts::default();
+        let gathers = |n: usize, count: u64, rays: &mut RayCounts| -> Vec<f64> {
+            (0..count).map(|key| gatherer.gather(&floor, &frame, n, key, rays).mean_radiance().x.into()).collect()
+        };
+        let (exact, _) = spread(&gathers(64, 16, &mut RayCounts::default()));
+        let (mean, variance) = spread(&gathers(16, 256, &mut rays));
+        assert!((mean - exact).abs() < 4.0 * (variance / 256.0).sqrt() + 1e-4, "{mean} instead of {exact}");
+        // As many rays, one for each texel.
+        let side = u32::try_from((rays.gather / 256).isqrt() + 1).unwrap();
+        assert!((17..22).contains(&side), "{side} x {side} rays");
+        let undivided = |key| {
+            let mut rng = Rng::new(5, key);
+            let radiance = (0..side * side).map(|texel| {
+                let place = in_cell(texel, side, rng.next_2d());
+                let wi = frame.to_world(hemimap::square_to_cosine_hemisphere(place));
+                let mut sampler = Sampler::alone(6, u64::from(texel));
+                f64::from(gatherer.incident(&floor, wi, &mut sampler, &mut RayCounts::default()).0.radiance.x)
+            });
+            radiance.sum::<f64>() / f64::from(side * side)
+        };
+        let (_, noise) = spread(&(0..256).map(undivided).collect::<Vec<f64>>());
+        assert!(variance < 0.5 * noise, "a variance of {variance} instead of {noise}");
     }
 
     #[test]
     fn rims_are_those_of_a_sky() {
         let mut samples = even();
         samples.distance[0] = f32::INFINITY;
-        let no_gloss = [false; N * N];
-        assert!(further_rays(&samples, &no_gloss, false).iter().all(|&count| count == 0), "black void has no rim");
-        let counts = further_rays(&samples, &no_gloss, true);
-        assert_eq!([counts[0], counts[1], counts[N + 1], counts[2]], [0, RIM_RAYS, RIM_RAYS, 0]);
+        assert!(divisions(&samples, false).iter().all(|&side| side == 1), "black void has no rim");
+        let sides = divisions(&samples, true);
+        assert_eq!([sides[0], sides[1], sides[N + 1], sides[2]], [1, RIM_SIDE, RIM_SIDE, 1]);
     }
 }

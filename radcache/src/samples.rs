@@ -69,6 +69,12 @@ impl Samples {
         self.jitter[texel] = jitter;
     }
 
+    /// Returns where the ray of a texel goes through it, in [0, 1)^2.
+    #[must_use]
+    pub fn jitter(&self, texel: usize) -> Vec2 {
+        self.jitter[texel]
+    }
+
     /// Stores what the ray of a texel met. A distance that is not a number counts as infinite, a negative one as zero.
     pub fn set(&mut self, texel: usize, radiance: Vec3, distance: f32, normal: Vec3A) {
         self.radiance[texel] = radiance;
