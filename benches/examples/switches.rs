@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 25] = [
+const SWITCHES: [(&str, &str); 26] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -30,6 +30,7 @@ const SWITCHES: [(&str, &str); 25] = [
     ("limit=off", "records reach farther than a quarter of the picture"),
     ("margins=off", "retreating silhouettes keep their last texel"),
     ("doubt=off", "no doubt of what a record above a point could not see"),
+    ("divide=off", "one ray for each texel of a gather"),
     ("highlights=off", "highlights taken from records"),
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),

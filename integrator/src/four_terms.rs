@@ -38,7 +38,7 @@ pub(crate) fn render<S: Secondary>(
     statistics.time("direct", |statistics| primary.learn_guides(&mut statistics.rays));
     let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
-        gatherer: Gatherer { scene, secondary, sky, seed: settings.seed ^ GATHER_STREAM },
+        gatherer: Gatherer { scene, secondary, sky, divide: plan.divide, seed: settings.seed ^ GATHER_STREAM },
         plan,
         recorder: has_cache.then(|| Recorder::new(plan)),
         size,

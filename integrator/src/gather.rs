@@ -18,6 +18,8 @@ pub(crate) struct Gatherer<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) secondary: &'a S,
     pub(crate) sky: Option<&'a SkySplit>,
+    /// Whether texels between bright and dark, and at the rim of the sky, are divided.
+    pub(crate) divide: bool,
     pub(crate) seed: u64,
 }
 
@@ -46,7 +48,9 @@ impl<S: Secondary> Gatherer<'_, S> {
             }
         }
         rays.gather += (n * n) as u64;
-        self.refine(surface, frame, &mut samples, key, rays);
+        if self.divide {
+            self.refine(surface, frame, &mut samples, key, rays);
+        }
         samples
     }
 
@@ -246,7 +250,7 @@ mod tests {
         let down = Ray::new(Vec3A::new(0.1, 0.5, -0.05), Vec3A::NEG_Y);
         let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
         let sky = SkySplit::new(&scene);
-        let gatherer = Gatherer { scene: &scene, secondary: &NoSecondary, sky: sky.as_ref(), seed: 1 };
+        let gatherer = Gatherer { scene: &scene, secondary: &NoSecondary, sky: sky.as_ref(), divide: true, seed: 1 };
         let frame = Frame::from_normal(floor.n);
         let mut mixed = 0;
         for key in 0..8 {
@@ -312,33 +316,25 @@ mod tests {
         let down = Ray::new(Vec3A::new(0.1, 0.5, 0.2), Vec3A::NEG_Y);
         let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
         let frame = Frame::from_normal(floor.n);
-        let gatherer = Gatherer { scene: &scene, secondary: &Even, sky: None, seed: 3 };
+        let gatherer = |divide| Gatherer { scene: &scene, secondary: &Even, sky: None, divide, seed: 3 };
         let spread = |values: &[f64]| {
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64)
         };
-        let mut rays = RayCounts::default();
-        let gathers = |n: usize, count: u64, rays: &mut RayCounts| -> Vec<f64> {
-            (0..count).map(|key| gatherer.gather(&floor, &frame, n, key, rays).mean_radiance().x.into()).collect()
+        let gathers = |n: usize, divide: bool, count: u64| {
+            let mut rays = RayCounts::default();
+            let mut look =
+                |key| f64::from(gatherer(divide).gather(&floor, &frame, n, key, &mut rays).mean_radiance().x);
+            let (mean, variance) = spread(&(0..count).map(&mut look).collect::<Vec<f64>>());
+            (mean, variance, rays.gather / count)
         };
-        let (exact, _) = spread(&gathers(64, 16, &mut RayCounts::default()));
-        let (mean, variance) = spread(&gathers(16, 256, &mut rays));
+        let (exact, ..) = gathers(64, true, 16);
+        let (mean, variance, rays) = gathers(16, true, 256);
         assert!((mean - exact).abs() < 4.0 * (variance / 256.0).sqrt() + 1e-4, "{mean} instead of {exact}");
-        // As many rays, one for each texel.
-        let side = u32::try_from((rays.gather / 256).isqrt() + 1).unwrap();
-        assert!((17..22).contains(&side), "{side} x {side} rays");
-        let undivided = |key| {
-            let mut rng = Rng::new(5, key);
-            let radiance = (0..side * side).map(|texel| {
-                let place = in_cell(texel, side, rng.next_2d());
-                let wi = frame.to_world(hemimap::square_to_cosine_hemisphere(place));
-                let mut sampler = Sampler::alone(6, u64::from(texel));
-                f64::from(gatherer.incident(&floor, wi, &mut sampler, &mut RayCounts::default()).0.radiance.x)
-            });
-            radiance.sum::<f64>() / f64::from(side * side)
-        };
-        let (_, noise) = spread(&(0..256).map(undivided).collect::<Vec<f64>>());
-        assert!(variance < 0.5 * noise, "a variance of {variance} instead of {noise}");
+        // At least as many rays, one for each texel.
+        let (_, undivided, as_many) = gathers(20, false, 256);
+        assert!((257..=as_many).contains(&rays), "{rays} and {as_many} rays");
+        assert!(variance < 0.5 * undivided, "a variance of {variance} instead of {undivided}");
     }
 
     #[test]

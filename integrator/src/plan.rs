@@ -39,6 +39,8 @@ pub(crate) struct Plan {
     pub(crate) gaps: bool,
     /// How far any record reaches, as a share of the scene, and of what the picture shows there.
     pub(crate) max_share: f32,
+    /// Whether texels between bright and dark are divided.
+    pub(crate) divide: bool,
     /// Whether highlights are traced anew.
     pub(crate) highlights: bool,
     /// How reprojections are made.
@@ -140,6 +142,7 @@ impl Plan {
             walls: study.walls != Some(false),
             gaps: study.gaps != Some(false),
             max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
+            divide: study.divide != Some(false),
             highlights: study.highlights != Some(false),
             reproject: reproject::Settings {
                 coverage: study.coverage(),

@@ -58,6 +58,8 @@ pub struct Study {
     pub gaps: Option<bool>,
     /// Whether records reach no farther than a quarter of the scene and of what the picture shows there.
     pub limit: Option<bool>,
+    /// Whether texels of a gather between bright and dark, and at the rim of the sky, are divided.
+    pub divide: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
     /// Whether the last texel inside a silhouette that retreats is unknown.
@@ -76,7 +78,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, highlights, margins, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -128,6 +130,7 @@ impl Study {
             "walls" => self.walls = Some(switch(name, value)?),
             "gaps" => self.gaps = Some(switch(name, value)?),
             "limit" => self.limit = Some(switch(name, value)?),
+            "divide" => self.divide = Some(switch(name, value)?),
             "highlights" => self.highlights = Some(switch(name, value)?),
             "margins" => self.margins = Some(switch(name, value)?),
             "doubt" => self.doubt = Some(switch(name, value)?),
@@ -212,6 +215,7 @@ mod tests {
             ("walls", "off"),
             ("gaps", "off"),
             ("limit", "off"),
+            ("divide", "off"),
             ("highlights", "off"),
             ("margins", "off"),
             ("doubt", "off"),
