@@ -5,12 +5,16 @@
 //! dark: Kirk and Arvo 1991). With s the deviation of the samples in the pixels around and m their mean,
 //!
 //! ```text
-//! samples = k s / D,     noise = mean over the pixels of s^2 / (D^2 samples),     D^2 = m^2 + 0.01 (bright / 0.8)^2
+//! samples = k (s / D)^(4/5),     D^2 = m^2 + 0.01 (bright / 0.8)^2
 //! ```
 //!
-//! has the least noise for its number of samples. D is the denominator of relMSE, `bright` the 90th percentile of the picture. Edges between two pixels count
+//! has the least noise for its number of samples, where that is s^2 / (D^2 samples^(3/2)), as it is for stratified samples of the edge of a body or of
+//! a shadow. D is the denominator of relMSE, `bright` the 90th percentile of the picture. Edges between two pixels count
 //! in s, too, for a light that a pixel's few samples missed may be seen by its neighbours'. Counts are the first one times a power of two, for which
-//! Sobol's points are stratified best; by that the true noise is a good deal smaller than the one above, which is of independent samples.
+//! Sobol's points are stratified best. How many there are altogether, the mean of s^2 / (D^2 samples) decides: the noise of independent samples, which is a good deal more than the true one.
+//!
+//! # Source
+//! Mitchell 1996: Consequences of Stratified Sampling in Graphics.
 
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
