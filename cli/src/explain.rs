@@ -147,7 +147,7 @@ fn explain_step(text: &mut String, step: &Step) {
             row(text, 2, "hemisphere", &shares);
         }
         Step::Gathered { resolution, record } => {
-            row(text, 1, "gathered", &format!("{resolution} x {resolution} rays"));
+            row(text, 1, "gathered", &format!("{resolution} x {resolution} texels"));
             match record {
                 Some(record) => row(text, 2, "record", &format!("made of them, {}", record_words(record))),
                 None => row(text, 2, "record", "none: made of none, or it would reach nobody"),
@@ -158,7 +158,7 @@ fn explain_step(text: &mut String, step: &Step) {
                 text,
                 1,
                 "spread",
-                &format!("{resolution} x {resolution} rays from each of {places} places of the pixel"),
+                &format!("{resolution} x {resolution} texels from each of {places} places of the pixel"),
             );
         }
     }

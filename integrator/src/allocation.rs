@@ -179,6 +179,25 @@ mod tests {
     }
 
     #[test]
+    fn samples_grow_with_the_power_four_fifths_of_the_deviation() {
+        let mut rng = Rng::new(4, 0);
+        let pixel = |index: usize| {
+            let deviation = if index % SIDE < SIDE / 2 { 0.01 } else { 0.32 };
+            let mut noise = SampleNoise::default();
+            (0..FIRST).for_each(|_| noise.add(Vec3::splat(1.0 + deviation * (2.0 * rng.next_1d() - 1.0)), Vec3::ONE));
+            FirstSamples { noise, rays: u64::from(FIRST) }
+        };
+        let pixels: Vec<FirstSamples> = (0..SIDE * SIDE).map(pixel).collect();
+        let factors = allocate(SIDE, FIRST, Budget::Mean(64), &pixels, 0.0);
+        let median = |column: usize| {
+            let mut factors: Vec<u32> = (0..SIDE).map(|row| factors[row * SIDE + column]).collect();
+            *factors.select_nth_unstable(SIDE / 2).1
+        };
+        // 32 times the deviation: 2^4.
+        assert_eq!(median(SIDE * 3 / 4), 16 * median(SIDE / 4));
+    }
+
+    #[test]
     fn noise_decides_up_to_a_limit() {
         let with =
             |noise, deviation| mean(&allocate(SIDE, FIRST, Budget::Noise(noise, 64), &picture(2, deviation), 1.0));

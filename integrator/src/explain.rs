@@ -86,7 +86,7 @@ pub enum Step {
     },
     /// Rays were traced into its hemisphere.
     Gathered {
-        /// As many, squared.
+        /// Through so many texels along a side, several where one is divided.
         resolution: usize,
         /// The record that was made of it, unless it would serve nobody.
         record: Option<RecordFacts>,
@@ -95,7 +95,7 @@ pub enum Step {
     Spread {
         /// As many.
         places: usize,
-        /// Rays of each, squared.
+        /// Texels of each along a side.
         resolution: usize,
     },
 }

@@ -39,7 +39,7 @@ pub(crate) struct Plan {
     pub(crate) gaps: bool,
     /// How far any record reaches, as a share of the scene, and of what the picture shows there.
     pub(crate) max_share: f32,
-    /// Whether texels between bright and dark are divided.
+    /// Whether texels between bright and dark, and at the rim of the sky, are divided.
     pub(crate) divide: bool,
     /// Whether highlights are traced anew.
     pub(crate) highlights: bool,

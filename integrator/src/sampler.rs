@@ -174,9 +174,10 @@ impl Sampler {
     }
 }
 
-/// Returns the place of `u` in cell `number`, row by row, of the `side` x `side` ones that the unit square is cut into.
+/// Returns the place of `u` in cell `number`, row by row, of the `side` x `side` ones that the unit square is cut into, in [0, 1)^2 as `u` is.
 pub(crate) fn in_cell(number: u32, side: u32, u: Vec2) -> Vec2 {
-    (UVec2::new(number % side, number / side).as_vec2() + u) / side as f32
+    const BELOW_ONE: Vec2 = Vec2::splat(1.0 - 0.5 * f32::EPSILON);
+    ((UVec2::new(number % side, number / side).as_vec2() + u) / side as f32).min(BELOW_ONE)
 }
 
 /// Returns the number whose bit i is the sum, modulo 2, of the bits j with C(j, i) odd: by Lucas those j that have all bits of i.

@@ -251,3 +251,59 @@ pub(crate) fn is_guided(shading: &Shading, plan: &Plan) -> bool {
 pub(crate) fn alpha(shading: &Shading) -> f32 {
     if let Specular::Ggx { alpha, .. } = shading.bsdf.specular { alpha } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{UVec2, Vec3, Vec3A};
+    use scene::{Description, Material, Mesh};
+
+    use super::*;
+    use crate::secondary::tests::square;
+    use crate::{NoSecondary, Settings};
+
+    #[test]
+    fn samples_are_stratified_on_each_of_several_lamps() {
+        // Two lamps over a floor, each half hidden behind a plate.
+        let lamp = |x: f32| square(0.2, 1.0).map(|p| p + x * Vec3::X);
+        let plate = |x: f32| [(0.0, -1.0), (0.4, -1.0), (0.4, 1.0), (0.0, 1.0)].map(|(w, z)| Vec3::new(x + w, 0.9, z));
+        let corners = [0u32, 4, 8, 12, 16];
+        let mesh = Mesh {
+            positions: [square(5.0, 0.0), lamp(-1.0), lamp(1.0), plate(-0.9), plate(0.5)].concat(),
+            triangles: corners.iter().flat_map(|i| [[*i, i + 1, i + 2], [*i, i + 2, i + 3]]).collect(),
+            materials: vec![0, 0, 1, 1, 1, 1, 0, 0, 0, 0],
+            ..Mesh::default()
+        };
+        let grey = Material { diffuse: Vec3::splat(0.5), ..Material::default() };
+        let lit = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
+        let scene =
+            Scene::new(Description { meshes: vec![mesh], materials: vec![grey, lit], ..Description::default() })
+                .unwrap();
+        let ray = Ray::new(Vec3A::new(0.0, 0.5, 0.0), Vec3A::NEG_Y);
+        let shading = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
+        let noise = |count: u32| {
+            let plan = Plan { light_samples: count, ..Plan::new(&scene, &Settings::default()) };
+            let term = DirectTerm {
+                scene: &scene,
+                plan: &plan,
+                secondary: &NoSecondary,
+                sky: None,
+                guide: None,
+                light_guide: None,
+            };
+            let values: Vec<f64> = (0..400)
+                .map(|pixel| {
+                    let mut sampler = Sampler::new(1, pixel, 0);
+                    let light = term.sample(&shading, UVec2::ZERO, false, &mut sampler, &mut RayCounts::default());
+                    f64::from(light.direct.x)
+                })
+                .collect();
+            let mean = values.iter().sum::<f64>() / 400.0;
+            assert!(mean > 0.0, "half of the lamps is seen");
+            values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 399.0 / (mean * mean)
+        };
+        // The noise of the choice alone falls with the square of the number. Points that are independent on each lamp would still have the variance of half a
+        // lamp, 1 relative, over 64.
+        assert!(noise(1) > 0.5, "one sample sees a lamp or does not");
+        assert!(noise(64) < 0.25 / 64.0, "{}", noise(64));
+    }
+}

@@ -207,7 +207,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         looks
     }
 
-    /// Asks the cache for a point, of which a look of its own takes `look_n x look_n` rays.
+    /// Asks the cache for a point, whose look of its own has `look_n x look_n` texels.
     fn ask(&self, index: &Index, point: &SurfacePoint, look_n: usize, buffers: &mut Buffers) -> Answer {
         let surface = &point.shading.surface;
         let mut tracer =
@@ -327,12 +327,12 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         (Some(record), look, rays)
     }
 
-    /// [`hole_step`] of a reprojection of n x n texels.
+    /// [`hole_step`] of a reprojection of n x n texels, against a ray for each texel of a look: more, where texels are divided, tell it more too.
     fn hole_step(&self, holes: f32, n: usize, look_n: usize) -> Option<u32> {
         hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.reproject.step)
     }
 
-    /// What a point sees by `look_n x look_n` rays of its own, in which frame, and what it has of that.
+    /// What a point sees through `look_n x look_n` texels of its own, in which frame, and what it has of that.
     fn look_for_itself(
         &self,
         point: &SurfacePoint,
