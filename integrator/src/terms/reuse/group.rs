@@ -18,7 +18,6 @@ pub(super) struct Group<'a> {
     pub(super) guide: Option<&'a Guide>,
     /// Samples of a batch for each point.
     pub(super) count: u32,
-    pub(super) key: u64,
     /// See [`Plan::lobe_parallax`].
     pub(super) parallax: f32,
 }
@@ -57,11 +56,9 @@ impl Group<'_> {
         dropped: &mut u64,
     ) -> Vec<Found> {
         let mut found = Vec::new();
-        let points = u32::try_from(self.points.len()).expect("a tile is small");
-        let mut indices = batch * self.count * points..;
         for (from, (_, point)) in self.points.iter().enumerate() {
-            for index in indices.by_ref().take(self.count as usize) {
-                let Some((mut way, mut sampler)) = self.way(direct, &point.shading, index, seed) else { continue };
+            for index in batch * self.count..(batch + 1) * self.count {
+                let Some((mut way, mut sampler)) = self.way(direct, point, index, seed) else { continue };
                 way.weight /= self.count as f32;
                 let (own, met) = direct.look_along(&point.shading, &way, &mut sampler, rays);
                 let radiance = met.map_or(Vec3::ZERO, |met| met.radiance);
@@ -83,20 +80,20 @@ impl Group<'_> {
         found
     }
 
-    /// Chooses a direction for sample number `index` of the group: half of them by the guide, if there is one.
+    /// Chooses a direction for sample number `index` of a point, whose samples are a sequence of their own: half of them by the guide, if there is one.
     fn way<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
-        shading: &Shading,
+        SurfacePoint { shading, key, .. }: &SurfacePoint,
         index: u32,
         seed: u64,
     ) -> Option<(LobeWay, Sampler)> {
         let Some(guide) = self.guide else {
-            let mut sampler = Sampler::new(seed, self.key, index);
+            let mut sampler = Sampler::new(seed, *key, index);
             return Some((direct.lobe_way(shading, &mut sampler)?, sampler));
         };
         let by_guide = index % 2 == 1;
-        let mut sampler = Sampler::new(seed, hash_pair(self.key, u64::from(by_guide)), index / 2);
+        let mut sampler = Sampler::new(seed, hash_pair(*key, u64::from(by_guide)), index / 2);
         let mut way =
             if by_guide { guided_way(guide, shading, &mut sampler) } else { direct.lobe_way(shading, &mut sampler) }?;
         way.weight *= way.pdf / self.density(way.pdf, way.wi);

@@ -171,7 +171,6 @@ fn groups<'a, S: Secondary>(
             points: vec![(pixel, point)],
             guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
             count: lobe_rays(&point.shading, direct.plan).next_power_of_two().clamp(2, BATCH),
-            key: point.key,
             parallax: direct.plan.lobe_parallax,
         });
     }
@@ -325,7 +324,7 @@ mod tests {
     #[test]
     fn batches_go_where_tiles_around_are_noisy() {
         let tile = |noise: f64| Tile {
-            groups: vec![Group { points: Vec::new(), guide: None, count: 2, key: 0, parallax: 1.0 }],
+            groups: vec![Group { points: Vec::new(), guide: None, count: 2, parallax: 1.0 }],
             lights: Vec::new(),
             places: Vec::new(),
             noise,
@@ -346,7 +345,7 @@ mod tests {
         tiles[0].groups.clear();
         assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], FIRST, "nothing to share");
         tiles[1..].iter_mut().for_each(|tile| tile.groups.clear());
-        let alone = Tile::new(vec![Group { points: Vec::new(), guide: None, count: 2, key: 0, parallax: 1.0 }]);
+        let alone = Tile::new(vec![Group { points: Vec::new(), guide: None, count: 2, parallax: 1.0 }]);
         tiles[0] = alone;
         assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], plan(1e-2).lobe_batches, "nothing known");
     }
