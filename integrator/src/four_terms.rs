@@ -123,7 +123,7 @@ fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec
         .zip(factors)
         .enumerate()
         .for_each(|(index, (pixel, factor))| trace(index, plan.first_spp * factor, pixel));
-    share_lobes(&primary.direct_term(), &mut pixels, primary.size.x as usize, primary.seed, ambient);
+    share_lobes(&primary.direct_term(), &mut pixels, primary.size, primary.seed, ambient);
     pixels
 }
 

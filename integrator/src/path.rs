@@ -215,7 +215,7 @@ impl PathTracer<'_> {
             return None;
         }
         let wi = frame.to_local(light.wi);
-        let f = bsdf.eval(Lobes::ALL, wo, wi);
+        let (f, pdf) = bsdf.eval_pdf(Lobes::ALL, wo, wi);
         let value = f * light.radiance * (wi.z / light.pdf);
         if value == Vec3::ZERO {
             return None;
@@ -224,7 +224,7 @@ impl PathTracer<'_> {
         if self.scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
             return None;
         }
-        let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf.pdf(Lobes::ALL, wo, wi)) };
+        let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
         Some(value * weight * self.scene.transmittance_within(surface.media, light.distance))
     }
 }

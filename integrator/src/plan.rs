@@ -245,7 +245,7 @@ fn noise(quality: f32) -> f32 {
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
 const NOISE: f32 = 6e-4;
 /// The same of shared lobes, as a share of that of primary samples, which are better stratified.
-const LOBE_NOISE: f32 = 0.08;
+const LOBE_NOISE: f32 = 0.06;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
 const MOST_SPP: f32 = 48.0;
 

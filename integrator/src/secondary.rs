@@ -302,8 +302,9 @@ pub(crate) fn unshadowed(
         value = bsdf.eval(Lobes::DIFFUSE, wo, wi) * radiance * factor;
     }
     if lobes.contains(Lobes::SPECULAR) && bsdf.has_glossy() {
-        let weight = if light.delta { 1.0 } else { mis_weight(light.pdf, bsdf.pdf(Lobes::SPECULAR, wo, wi)) };
-        value += bsdf.eval(Lobes::SPECULAR, wo, wi) * light.radiance * (factor * weight);
+        let (f, pdf) = bsdf.eval_pdf(Lobes::SPECULAR, wo, wi);
+        let weight = if light.delta { 1.0 } else { mis_weight(light.pdf, pdf) };
+        value += f * light.radiance * (factor * weight);
     }
     value
 }

@@ -80,6 +80,23 @@ fn ggx_eval_integrates_to_the_energy_of_its_samples() {
 }
 
 #[test]
+fn eval_and_pdf_in_one_are_the_same_as_apart() {
+    let mirror = Bsdf { diffuse: Vec3::splat(0.2), specular: Specular::Mirror { reflectance: Vec3::ONE } };
+    for bsdf in [ggx(0.1), ggx(0.7), plastic(false), plastic(true), mirror, Bsdf::BLACK] {
+        for lobes in [Lobes::DIFFUSE, Lobes::SPECULAR, Lobes::ALL] {
+            for i in 0..1000 {
+                let wo = hemimap::square_to_uniform_hemisphere(hammersley(i, 1000));
+                let wi = hemimap::square_to_uniform_hemisphere(hammersley(i.wrapping_mul(79) % 1000, 1000));
+                for wi in [wi, -wi] {
+                    let apart = (bsdf.eval(lobes, wo, wi), bsdf.pdf(lobes, wo, wi));
+                    assert_eq!(bsdf.eval_pdf(lobes, wo, wi), apart, "{bsdf:?}, {lobes:?}: {wo}, {wi}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn bsdf_is_reciprocal() {
     for bsdf in [ggx(0.1), ggx(0.7), plastic(false), plastic(true)] {
         for i in 0..20_000 {

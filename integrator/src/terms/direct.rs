@@ -2,7 +2,7 @@
 //! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
 
 use glam::{UVec2, Vec2, Vec3, Vec3A};
-use scene::{Lobes, Ray, Scene, Specular, Surface};
+use scene::{Lights, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::plan::Plan;
 use crate::sampler::Sampler;
@@ -45,12 +45,31 @@ pub(crate) struct Light {
     pub(crate) specular: Vec3,
 }
 
-/// What a lobe's sample met.
+/// What a lobe's sample sees: radiance along it, by the way that the light took.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Met {
-    pub(crate) surface: Surface,
-    /// What it reflects to the lobe.
-    pub(crate) radiance: Vec3,
+pub(crate) struct Sight {
+    /// World frame.
+    pub(crate) wi: Vec3A,
+    /// `None` for the surroundings.
+    pub(crate) surface: Option<Surface>,
+    /// Straight from a source.
+    pub(crate) emitted: Vec3,
+    /// From one by way of mirrors and glass alone, and where the lobe is traced, all else that is reflected.
+    pub(crate) reflected: Vec3,
+}
+
+impl Sight {
+    /// Returns what a lobe at `p`, which sees this too and looks here with density `pdf`, counts of the light straight from the source beside light sampling.
+    pub(crate) fn emitted_to(&self, lights: &Lights, p: Vec3A, wi: Vec3A, pdf: f32) -> Vec3 {
+        if self.emitted == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let light_pdf = match &self.surface {
+            Some(surface) => lights.pdf_surface(p, wi, surface),
+            None => lights.pdf_environment(wi),
+        };
+        mis_weight(pdf, light_pdf) * self.emitted
+    }
 }
 
 impl Light {
@@ -137,47 +156,40 @@ impl<S: Secondary> DirectTerm<'_, S> {
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Light {
-        let (mut light, met) = self.look_along(shading, way, sampler, rays);
-        if let Some(met) = met {
-            light.specular += way.weight * met.radiance;
-        }
-        light
+        self.light_of(shading, way, &self.look_along(shading, way.wi, sampler, rays))
     }
 
-    /// Returns the light that comes to a glossy lobe along a direction straight from a source, or from one by way of mirrors and glass alone; and where the lobe is traced, what
-    /// is met there and the light that it reflects.
+    /// Returns the light by what a sample of the lobe sees.
+    pub(crate) fn light_of(&self, shading: &Shading, way: &LobeWay, sight: &Sight) -> Light {
+        let emitted = sight.emitted_to(self.scene.lights(), shading.surface.p, sight.wi, way.pdf);
+        Light { direct: way.weight * emitted, specular: way.weight * sight.reflected }
+    }
+
+    /// Returns what a glossy lobe sees along the local direction `wi`.
     pub(crate) fn look_along(
         &self,
         shading: &Shading,
-        way: &LobeWay,
+        wi: Vec3A,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
-    ) -> (Light, Option<Met>) {
-        let mut light = Light::default();
-        let wi = shading.frame.to_world(way.wi);
+    ) -> Sight {
+        let wi = shading.frame.to_world(wi);
         let ray = shading.surface.spawn(wi);
         rays.path += 1;
         let Some(hit) = self.scene.intersect(&ray) else {
-            let weight = mis_weight(way.pdf, self.scene.lights().pdf_environment(wi));
-            light.direct = way.weight * weight * self.scene.background(wi);
-            return (light, None);
+            return Sight { wi, surface: None, emitted: self.scene.background(wi), reflected: Vec3::ZERO };
         };
         let surface = self.scene.surface(&ray, &hit);
-        let emission = self.scene.emission(&surface);
-        if emission != Vec3::ZERO {
-            let light_pdf = self.scene.lights().pdf_surface(shading.surface.p, wi, &surface);
-            let through = self.scene.transmittance(&surface);
-            light.direct = way.weight * through * mis_weight(way.pdf, light_pdf) * emission;
-        }
+        let emitted = self.scene.emission(&surface) * self.scene.transmittance(&surface);
+        let mut reflected = Vec3::ZERO;
         if self.scene.features().delta {
-            light.specular += way.weight * self.caustic_along(ray, surface, sampler, rays);
+            reflected += self.caustic_along(ray, surface, sampler, rays);
         }
-        let met = is_traced(shading, self.plan).then(|| {
+        if is_traced(shading, self.plan) {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
-            let radiance = follower.reflected(&ray, surface, sampler, rays);
-            Met { surface, radiance }
-        });
-        (light, met)
+            reflected += follower.reflected(&ray, surface, sampler, rays);
+        }
+        Sight { wi, surface: Some(surface), emitted, reflected }
     }
 
     /// Radiance of the source at the end of a chain of mirrors and glass that starts at `surface`: L_c along the ray. Black where it
@@ -213,9 +225,9 @@ impl<S: Secondary> DirectTerm<'_, S> {
 /// Chooses a direction of the lobe by a guide.
 pub(crate) fn guided_way(guide: &Guide, shading: &Shading, sampler: &mut Sampler) -> Option<LobeWay> {
     let wi = guide.sample(sampler.next_pair());
-    let pdf = shading.bsdf.pdf(Lobes::SPECULAR, shading.wo, wi);
+    let (f, pdf) = shading.bsdf.eval_pdf(Lobes::SPECULAR, shading.wo, wi);
     let leaves = pdf > 0.0 && shading.leaves(shading.frame.to_world(wi), wi);
-    leaves.then(|| LobeWay { wi, weight: shading.bsdf.eval(Lobes::SPECULAR, shading.wo, wi) * (wi.z / pdf), pdf })
+    leaves.then(|| LobeWay { wi, weight: f * (wi.z / pdf), pdf })
 }
 
 /// Whether the glossy lobe of a point is traced, not read from a texture. Where there is a diffuse part too, a texture would serve the lobe alone, for

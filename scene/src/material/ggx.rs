@@ -25,7 +25,7 @@ fn quarter_distribution(alpha: f32, h: Vec3A) -> f32 {
 
 /// Returns G1(w) / cos for w above the surface.
 #[inline]
-fn masking_over_cosine(alpha: f32, w: Vec3A) -> f32 {
+pub(super) fn masking_over_cosine(alpha: f32, w: Vec3A) -> f32 {
     let sin_sq = w.x * w.x + w.y * w.y;
     2.0 / (w.z + (w.z * w.z + alpha * alpha * sin_sq).sqrt())
 }

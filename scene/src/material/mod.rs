@@ -131,6 +131,32 @@ impl Bsdf {
         pdf
     }
 
+    /// Returns [`Bsdf::eval`] and [`Bsdf::pdf`], for less than both take one after the other.
+    #[inline]
+    #[must_use]
+    pub fn eval_pdf(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> (Vec3, f32) {
+        if !(above(wo) && above(wi)) {
+            return (Vec3::ZERO, 0.0);
+        }
+        let specular = self.specular_probability(lobes, wo);
+        let (mut f, mut pdf) = (Vec3::ZERO, 0.0);
+        if lobes.contains(Lobes::DIFFUSE) {
+            f += self.diffuse * FRAC_1_PI;
+        }
+        if specular < 1.0 {
+            pdf += (1.0 - specular) * wi.z * FRAC_1_PI;
+        }
+        if specular > 0.0
+            && let Specular::Ggx { alpha, .. } = self.specular
+        {
+            let h = (wo + wi).normalize();
+            let density = ggx::pdf(alpha, wo, h);
+            f += self.fresnel(wo.dot(h)) * (density * ggx::masking_over_cosine(alpha, wi));
+            pdf += specular * density;
+        }
+        (f, pdf)
+    }
+
     /// Chooses a direction for `wo` among `lobes`, by about their share of the energy; `None` where nothing is reflected there.
     ///
     /// `u_lobe` chooses the lobe (for a dielectric: reflection or refraction), `u` the direction.
@@ -216,11 +242,9 @@ impl Bsdf {
     /// Returns the sample for a direction that a lobe other than a delta one gave.
     #[inline]
     fn rough_sample(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> Option<BsdfSample> {
-        let pdf = self.pdf(lobes, wo, wi);
-        (pdf > 0.0).then(|| {
-            let weight = self.eval(lobes, wo, wi) * (wi.z / pdf);
-            BsdfSample { wi, weight, pdf, delta: false, transmitted: false, radiance_scale: 1.0 }
-        })
+        let (f, pdf) = self.eval_pdf(lobes, wo, wi);
+        let weight = f * (wi.z / pdf);
+        (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, delta: false, transmitted: false, radiance_scale: 1.0 })
     }
 
     /// Returns the probability that [`Bsdf::sample`] takes the specular part among `lobes`: about its share of the energy, 0 where there is

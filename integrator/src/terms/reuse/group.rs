@@ -2,19 +2,21 @@
 
 use std::iter::zip;
 
-use glam::{Vec3, Vec3A};
-use scene::{Bsdf, Lobes, Specular};
+use glam::{UVec2, Vec3, Vec3A};
+use scene::{Bsdf, Lights, Lobes, Scene, Specular, Surface};
 
 use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
-use crate::surface_points::SurfacePoint;
-use crate::terms::direct::{DirectTerm, Light, LobeWay, alpha, guided_way};
+use crate::surface_points::{SurfacePoint, same_surface};
+use crate::terms::direct::{DirectTerm, Light, LobeWay, Sight, alpha, guided_way};
 use crate::terms::guide::Guide;
 
 /// Points of one surface in a tile.
 pub(super) struct Group<'a> {
     pub(super) points: Vec<(usize, &'a SurfacePoint)>,
+    /// Those at the corners of the tile.
+    pub(super) corners: [usize; 4],
     pub(super) guide: Option<&'a Guide>,
     /// Samples of a batch for each point.
     pub(super) count: u32,
@@ -22,78 +24,100 @@ pub(super) struct Group<'a> {
     pub(super) parallax: f32,
 }
 
-/// What a lobe's sample met that all points of its tile may see.
+/// What a lobe's sample found.
 pub(super) struct Found {
-    p: Vec3A,
-    /// The geometric normal there.
-    n: Vec3A,
-    /// About the angle over which the light that it reflects is the same: 0 for mirrors and glass, 1 where it is diffuse.
+    sight: Sight,
+    /// About the angle over which the light that comes from there is the same: 0 for mirrors and glass, 1 where it is diffuse.
     alpha: f32,
-    /// What it reflects to the lobe.
-    radiance: Vec3,
-    /// The point whose sample it is, and what it counts there alone: f cos over the density by which it was chosen.
+    /// The point whose sample it is, and the way.
     from: usize,
-    weight: Vec3,
+    way: LobeWay,
 }
 
-/// Where a sample of a point found something.
-pub(super) type Place = (Vec3A, usize);
+/// Samples of all points of a group.
+pub(super) struct Batch {
+    /// What stands for each point.
+    shadings: Vec<Shading>,
+    found: Vec<Found>,
+}
+
+impl Batch {
+    /// Where samples found something.
+    pub(super) fn places(&self) -> Vec<Vec3A> {
+        self.found.iter().filter_map(|found| Some(found.sight.surface?.p)).collect()
+    }
+}
 
 impl Group<'_> {
-    /// The numbers of the points.
-    pub(super) fn members(&self) -> Vec<usize> {
-        (0..self.points.len()).collect()
-    }
-
-    /// Takes one batch of samples of every point: adds the light that is for the point alone, and returns what all may share.
+    /// Takes one batch of samples of every point.
     pub(super) fn trace<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
+        size: UVec2,
         batch: u32,
         seed: u64,
-        lights: &mut [Light],
         rays: &mut RayCounts,
         dropped: &mut u64,
-    ) -> Vec<Found> {
+    ) -> Batch {
         let mut found = Vec::new();
-        for (from, (_, point)) in self.points.iter().enumerate() {
+        let shadings: Vec<Shading> =
+            self.points.iter().map(|(_, point)| self.place(direct.scene, point, size, batch, seed, rays)).collect();
+        for (from, ((_, point), shading)) in zip(&self.points, &shadings).enumerate() {
             for index in batch * self.count..(batch + 1) * self.count {
-                let Some((mut way, mut sampler)) = self.way(direct, point, index, seed) else { continue };
+                let Some((mut way, mut sampler)) = self.way(direct, shading, point.key, index, seed) else { continue };
                 way.weight /= self.count as f32;
-                let (own, met) = direct.look_along(&point.shading, &way, &mut sampler, rays);
-                let radiance = met.map_or(Vec3::ZERO, |met| met.radiance);
-                if (own.direct + own.specular + radiance).is_finite() {
-                    lights[from].add(&own);
-                    found.extend(met.map(|met| Found {
-                        p: met.surface.p,
-                        n: met.surface.ng,
-                        alpha: width(&direct.scene.bsdf(&met.surface)),
-                        radiance,
-                        from,
-                        weight: way.weight,
-                    }));
+                let sight = direct.look_along(shading, way.wi, &mut sampler, rays);
+                if (way.weight * (sight.emitted + sight.reflected)).is_finite() {
+                    let alpha = sight.surface.map_or(1.0, |surface| width(&direct.scene.bsdf(&surface)));
+                    found.push(Found { sight, alpha, from, way });
                 } else {
                     *dropped += 1;
                 }
             }
         }
-        found
+        Batch { shadings, found }
+    }
+
+    /// Chooses a place within the pixel of a point, on its surface.
+    fn place(
+        &self,
+        scene: &Scene,
+        point: &SurfacePoint,
+        size: UVec2,
+        batch: u32,
+        seed: u64,
+        rays: &mut RayCounts,
+    ) -> Shading {
+        /// Places that are tried; where something else is seen at all of them, the point stays where it is.
+        const TRIALS: u32 = 4;
+        /// Keeps these random numbers apart from those of lobes.
+        const STREAM: u64 = 0x70_6c61_6365;
+        let mut sampler = Sampler::new(seed, hash_pair(point.key, STREAM), batch);
+        let Surface { t, .. } = point.shading.surface;
+        let mut trial = || {
+            let ray = scene.camera_ray(point.position.as_vec2() + sampler.next_pair(), size);
+            rays.camera += 1;
+            let surface = scene.surface(&ray, &scene.intersect(&ray)?);
+            same_surface(&point.shading.surface, &surface, t).then(|| Shading::new(scene, surface, ray.direction))
+        };
+        (0..TRIALS).find_map(|_| trial()).unwrap_or(point.shading)
     }
 
     /// Chooses a direction for sample number `index` of a point, whose samples are a sequence of their own: half of them by the guide, if there is one.
     fn way<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
-        SurfacePoint { shading, key, .. }: &SurfacePoint,
+        shading: &Shading,
+        key: u64,
         index: u32,
         seed: u64,
     ) -> Option<(LobeWay, Sampler)> {
         let Some(guide) = self.guide else {
-            let mut sampler = Sampler::new(seed, *key, index);
+            let mut sampler = Sampler::new(seed, key, index);
             return Some((direct.lobe_way(shading, &mut sampler)?, sampler));
         };
         let by_guide = index % 2 == 1;
-        let mut sampler = Sampler::new(seed, hash_pair(*key, u64::from(by_guide)), index / 2);
+        let mut sampler = Sampler::new(seed, hash_pair(key, u64::from(by_guide)), index / 2);
         let mut way =
             if by_guide { guided_way(guide, shading, &mut sampler) } else { direct.lobe_way(shading, &mut sampler) }?;
         way.weight *= way.pdf / self.density(way.pdf, way.wi);
@@ -105,71 +129,110 @@ impl Group<'_> {
         self.guide.map_or(pdf, |guide| 0.5 * (pdf + guide.pdf(wi)))
     }
 
-    /// Gives what samples of `members` found to all of them, or to fewer where much of what another batch found is near.
-    pub(super) fn share(&self, members: &mut [usize], found: &mut [Found], others: &mut [Place], lights: &mut [Light]) {
-        /// Nearer things than the lobe allows are at most so many of what was found.
+    /// Gives what samples found to all points; where something is near, by what it was or by the places that another batch found, to those that see it.
+    pub(super) fn share<S: Secondary>(
+        &self,
+        direct: &DirectTerm<'_, S>,
+        Batch { shadings, found }: &Batch,
+        others: &[Vec3A],
+        lights: &mut [Light],
+        rays: &mut RayCounts,
+    ) {
+        /// Things that move by this share of how far light from there may, are near enough to hide things from some points.
+        const HIDING: f32 = 0.5;
+        /// At most so many of what was found are as near as that where nothing is taken to be hidden.
         const NEAR_SHARE: f32 = 0.02;
-        let place = |member: usize| self.points[member].1.shading.surface.p;
-        let (low, high) = members
-            .iter()
-            .map(|&member| place(member))
-            .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        let places = shadings.iter().map(|shading| shading.surface.p);
+        let (low, high) =
+            places.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         let (middle, extent) = (0.5 * (low + high), 0.5 * high.distance(low));
-        let is_alone = extent <= 0.0;
-        let width = alpha(&self.points[members[0]].1.shading);
+        let is_alone = shadings.len() == 1;
+        let width = alpha(&shadings[0]);
         let is_near = |p: Vec3A, width: f32| p.distance(middle) * width * self.parallax < extent;
-        let near = others.iter().filter(|(p, _)| is_near(*p, width)).count();
-        if near as f32 > NEAR_SHARE * others.len() as f32 {
-            let axis = (high - low).max_position();
-            // Both parts have a member, however near these are.
-            let is_high = |member: usize| place(member)[axis] - low[axis] > high[axis] - place(member)[axis];
-            members.sort_by_key(|&member| is_high(member));
-            found.sort_by_key(|found| is_high(found.from));
-            let (low, high) = members.split_at_mut(members.partition_point(|&member| !is_high(member)));
-            let (of_low, of_high) = found.split_at_mut(found.partition_point(|found| !is_high(found.from)));
-            others.sort_by_key(|(_, from)| is_high(*from));
-            let (by_low, by_high) = others.split_at_mut(others.partition_point(|(_, from)| !is_high(*from)));
-            self.share(low, of_low, by_low, lights);
-            self.share(high, of_high, by_high, lights);
-            return;
-        }
-        let mut values = vec![Vec3::ZERO; members.len()];
+        let near = others.iter().filter(|&&p| is_near(p, HIDING * width)).count();
+        let is_hiding = near as f32 > NEAR_SHARE * others.len() as f32;
+        let mut values = vec![Value::default(); shadings.len()];
         for found in found {
-            if is_alone || is_near(found.p, width.min(found.alpha)) {
-                lights[found.from].specular += found.weight * found.radiance;
-            } else {
-                self.give(found, members, &mut values, lights);
+            let is_near = |width: f32| found.sight.surface.as_ref().is_some_and(|surface| is_near(surface.p, width));
+            if is_alone || (found.alpha < width && is_near(found.alpha)) {
+                lights[found.from].add(&direct.light_of(&shadings[found.from], &found.way, &found.sight));
+            } else if found.sight.emitted + found.sight.reflected != Vec3::ZERO {
+                self.weigh(direct.scene.lights(), shadings, &found.sight, &mut values);
+                if is_hiding || is_near(HIDING * width) {
+                    self.hide(direct.scene, shadings, found, &mut values, rays);
+                }
+                self.give(&values, lights);
             }
         }
     }
 
-    /// Gives what one sample found to all of `members`, by what their lobes make of it; `values` are for use meanwhile.
-    fn give(&self, found: &Found, members: &[usize], values: &mut [Vec3], lights: &mut [Light]) {
-        let mut total = 0.0;
-        for (&member, value) in zip(members, &mut *values) {
-            *value = Vec3::ZERO;
-            let Shading { surface, frame, bsdf, wo } = &self.points[member].1.shading;
-            let way = found.p - surface.p;
-            let distance_sq = way.length_squared();
-            let wi = way / distance_sq.sqrt();
+    /// Finds what each point makes of what one sample saw.
+    fn weigh(&self, sources: &Lights, shadings: &[Shading], sight: &Sight, values: &mut [Value]) {
+        for (Shading { surface, frame, bsdf, wo }, value) in zip(shadings, values) {
+            *value = Value::default();
+            // From solid angles to areas of the surface that was met; the surroundings are met in the same direction.
+            let (wi, distance, area) = sight.surface.map_or((sight.wi, f32::INFINITY, 1.0), |met| {
+                let way = met.p - surface.p;
+                let distance = way.length();
+                let wi = way / distance;
+                (wi, distance, -met.ng.dot(wi) / (distance * distance))
+            });
             let local = frame.to_local(wi);
-            let pdf = bsdf.pdf(Lobes::SPECULAR, *wo, local);
-            // Written so that NaN, of no distance, is refused.
-            if !(pdf > 0.0 && wi.dot(surface.ng) > 0.0) {
+            let (f, pdf) = bsdf.eval_pdf(Lobes::SPECULAR, *wo, local);
+            // Written so that NaN, of no distance, is refused, and points that see its other side.
+            if !(pdf > 0.0 && area > 0.0 && wi.dot(surface.ng) > 0.0) {
                 continue;
             }
-            // From solid angles to areas of the surface that was met.
-            let area = found.n.dot(wi).abs() / distance_sq;
-            total += self.density(pdf, local) * area;
-            *value = bsdf.eval(Lobes::SPECULAR, *wo, local) * (local.z * area);
-        }
-        if total > 0.0 {
-            let light = found.radiance / (total * self.count as f32);
-            for (&member, value) in zip(members, values) {
-                lights[member].specular += *value * light;
-            }
+            let weight = f * (local.z * area);
+            let emitted = sight.emitted_to(sources, surface.p, wi, pdf);
+            let light = Light { direct: weight * emitted, specular: weight * sight.reflected };
+            *value = Value { density: self.density(pdf, local) * area, light, wi, distance };
         }
     }
+
+    /// Takes what was found from the points that do not see it. Where those at the corners of the tile do, so do all.
+    fn hide(&self, scene: &Scene, shadings: &[Shading], found: &Found, values: &mut [Value], rays: &mut RayCounts) {
+        let mut is_seen = |member: usize| {
+            let Value { density, wi, distance, .. } = values[member];
+            if member == found.from || density == 0.0 {
+                return true;
+            }
+            rays.shadow += 1;
+            !scene.occluded(&shadings[member].surface.shadow_ray(wi, distance))
+        };
+        if self.corners.into_iter().all(&mut is_seen) {
+            return;
+        }
+        let hidden: Vec<usize> = (0..values.len()).filter(|&member| !is_seen(member)).collect();
+        for member in hidden {
+            values[member] = Value::default();
+        }
+    }
+
+    /// Gives it to the points.
+    fn give(&self, values: &[Value], lights: &mut [Light]) {
+        let total: f32 = values.iter().map(|value| value.density).sum();
+        if total <= 0.0 {
+            return;
+        }
+        let share = 1.0 / (total * self.count as f32);
+        for (value, light) in zip(values, lights) {
+            light.direct += value.light.direct * share;
+            light.specular += value.light.specular * share;
+        }
+    }
+}
+
+/// What a point makes of a sight.
+#[derive(Debug, Clone, Copy, Default)]
+struct Value {
+    /// The density there of the point's own samples.
+    density: f32,
+    /// What it reflects, not yet over the density of all.
+    light: Light,
+    /// Where the sight lies.
+    wi: Vec3A,
+    distance: f32,
 }
 
 /// About the angle over which the light that a surface reflects is the same.
@@ -179,9 +242,4 @@ fn width(bsdf: &Bsdf) -> f32 {
         Specular::Ggx { alpha, .. } => alpha,
         Specular::Mirror { .. } | Specular::Dielectric { .. } => 0.0,
     }
-}
-
-/// Where samples found something.
-pub(super) fn places(found: &[Found]) -> Vec<Place> {
-    found.iter().map(|found| (found.p, found.from)).collect()
 }

@@ -7,11 +7,12 @@
 //! ```text
 //! L_s(p) = sum over all samples x of   f_s(p, x) G(p, x) L(x) / (N sum_q p_q(x))
 //! ```
-//! which is the balance heuristic (Veach 1997) between the points. It has no bias as far as all points see x, and x sends all of them the same light. That is not so
-//! where x, or what stands before it, is so near that it moves within a lobe from point to point: there tiles are divided, down to
-//! points alone, and what is near or itself so glossy that it looks different is for its own point.
+//! which is the balance heuristic (Veach 1997) between the points. What x gives off itself counts at p as much as light sampling at p leaves of it. This has no bias
+//! as far as all points see x, and x sends all of them the same light. Where something is so near that it moves within a lobe from point to point,
+//! shadow rays tell which points see x; and what is so glossy that it looks different from there is for its own point.
 //!
-//! A point stands for all samples of its pixel on a surface, which are alike only where the surface is flat and seen directly. So curved surfaces take no part, nor do reflections.
+//! A point stands for all samples of its pixel on a surface, each batch at another place in the pixel. Curved surfaces take no part, as lobes there soon see other things, nor do
+//! reflections.
 //!
 //! # Source
 //! Bekaert, Sbert, Halton 2002: Accelerating Path Tracing by Re-Using Paths.
@@ -21,11 +22,11 @@ mod group;
 use std::iter::zip;
 use std::ops::Range;
 
-use glam::Vec3;
+use glam::{IVec2, UVec2, Vec3, Vec3A};
 use rayon::prelude::*;
 use scene::Scene;
 
-use self::group::{Group, Place, places};
+use self::group::Group;
 use super::direct::{DirectTerm, Light, alpha, is_guided, is_traced, lobe_rays};
 use crate::allocation::neighbours;
 use crate::film::Terms;
@@ -34,7 +35,7 @@ use crate::plan::Plan;
 use crate::sampler::hash_pair;
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
-use crate::surface_points::{PixelPoints, same_surface};
+use crate::surface_points::{PixelPoints, SurfacePoint, same_surface};
 
 /// Pixels along a side of a tile.
 const SIDE: usize = 4;
@@ -64,8 +65,8 @@ struct Tile<'a> {
     groups: Vec<Group<'a>>,
     /// Sums over the batches of the light of the points of each group.
     lights: Vec<Vec<Light>>,
-    /// What the first batch found, by which later ones are divided: a batch that judged itself would share too much where it happened to meet nothing near.
-    places: Vec<Vec<Place>>,
+    /// Where the first batch found something, by which later ones know what is near: a batch that judged itself would take nothing to be hidden where it happened to meet nothing near.
+    places: Vec<Vec<Vec3A>>,
     /// Relative noise of the mean of the first batches, summed over the pixels, by squares.
     noise: f64,
     rays: RayCounts,
@@ -77,7 +78,7 @@ struct Tile<'a> {
 pub(crate) fn share_lobes<S: Secondary>(
     direct: &DirectTerm<'_, S>,
     pixels: &mut [PixelPoints],
-    width: usize,
+    size: UVec2,
     seed: u64,
     ambient: f32,
 ) {
@@ -87,6 +88,7 @@ pub(crate) fn share_lobes<S: Secondary>(
     let ambient = f64::from(ambient);
     let means: Vec<f64> = pixels.iter().map(|pixel| pixel.noise.mean(ambient)).collect();
     let floor_sq = metrics::floor_sq(means.clone());
+    let width = size.x as usize;
     let (columns, rows) = (width.div_ceil(SIDE), (pixels.len() / width).div_ceil(SIDE));
     let seed = hash_pair(seed, STREAM);
     let mut tiles: Vec<Tile<'_>> = (0..columns * rows)
@@ -94,13 +96,13 @@ pub(crate) fn share_lobes<S: Secondary>(
         .map(|number| {
             let corner = [number % columns * SIDE, number / columns * SIDE];
             let mut tile = Tile::new(groups(direct, pixels, width, corner));
-            let first = tile.start(direct, seed);
+            let first = tile.start(direct, size, seed);
             tile.noise = tile.noise_by(&first, |pixel| (pixels[pixel].samples, means[pixel]), floor_sq);
             tile
         })
         .collect();
     let batches = batches(&tiles, columns, pixels.len(), direct.plan);
-    tiles.par_iter_mut().zip(&batches).for_each(|(tile, batches)| tile.take(direct, FIRST..*batches, seed));
+    tiles.par_iter_mut().zip(&batches).for_each(|(tile, batches)| tile.take(direct, size, FIRST..*batches, seed));
     let found: Vec<_> =
         tiles.iter().zip(batches).map(|(tile, batches)| (tile.terms(batches), tile.rays, tile.dropped)).collect();
     for (found, rays, dropped) in found {
@@ -169,12 +171,24 @@ fn groups<'a, S: Secondary>(
         let guide = direct.guide.filter(|_| is_guided(&point.shading, direct.plan));
         groups.push(Group {
             points: vec![(pixel, point)],
+            corners: [0; 4],
             guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
             count: lobe_rays(&point.shading, direct.plan).next_power_of_two().clamp(2, BATCH),
             parallax: direct.plan.lobe_parallax,
         });
     }
+    for group in &mut groups {
+        group.corners = corners(&group.points);
+    }
     groups
+}
+
+/// The points that lie farthest towards the corners of the tile.
+fn corners(points: &[(usize, &SurfacePoint)]) -> [usize; 4] {
+    [IVec2::new(-1, -1), IVec2::new(1, -1), IVec2::new(-1, 1), IVec2::new(1, 1)].map(|corner| {
+        let towards = |&number: &usize| points[number].1.position.as_ivec2().dot(corner);
+        (0..points.len()).max_by_key(towards).unwrap_or(0)
+    })
 }
 
 impl<'a> Tile<'a> {
@@ -184,21 +198,16 @@ impl<'a> Tile<'a> {
         Self { groups, lights, places: Vec::new(), noise: 0.0, rays: RayCounts::default(), dropped: 0 }
     }
 
-    /// Takes the first two batches, each divided by what the other found; gives the light after one of them.
-    fn start<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, seed: u64) -> Vec<Vec<Light>> {
+    /// Takes the first two batches, each judged by what the other found; gives the light after one of them.
+    fn start<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, size: UVec2, seed: u64) -> Vec<Vec<Light>> {
         let mut after_one = Vec::new();
         for (group, lights) in self.groups.iter().zip(&mut self.lights) {
-            let mut trace = |batch, lights: &mut [Light]| {
-                group.trace(direct, batch, seed, lights, &mut self.rays, &mut self.dropped)
-            };
-            let mut first = trace(0, lights);
-            let mut own = vec![Light::default(); lights.len()];
-            let mut second = trace(1, &mut own);
-            let places = places(&first);
-            group.share(&mut group.members(), &mut first, &mut self::places(&second), lights);
+            let mut trace = |batch| group.trace(direct, size, batch, seed, &mut self.rays, &mut self.dropped);
+            let (first, second) = (trace(0), trace(1));
+            let places = first.places();
+            group.share(direct, &first, &second.places(), lights, &mut self.rays);
             after_one.push(lights.clone());
-            group.share(&mut group.members(), &mut second, &mut places.clone(), lights);
-            zip(lights, &own).for_each(|(light, own)| light.add(own));
+            group.share(direct, &second, &places, lights, &mut self.rays);
             self.places.push(places);
         }
         after_one
@@ -221,11 +230,11 @@ impl<'a> Tile<'a> {
     }
 
     /// Takes more batches.
-    fn take<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, batches: Range<u32>, seed: u64) {
+    fn take<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, size: UVec2, batches: Range<u32>, seed: u64) {
         for ((group, lights), places) in self.groups.iter().zip(&mut self.lights).zip(&self.places) {
             for batch in batches.clone() {
-                let mut found = group.trace(direct, batch, seed, lights, &mut self.rays, &mut self.dropped);
-                group.share(&mut group.members(), &mut found, &mut places.clone(), lights);
+                let found = group.trace(direct, size, batch, seed, &mut self.rays, &mut self.dropped);
+                group.share(direct, &found, places, lights, &mut self.rays);
             }
         }
     }
@@ -246,85 +255,135 @@ impl<'a> Tile<'a> {
 
 #[cfg(test)]
 mod tests {
-    use glam::UVec2;
     use scene::{Camera, Description, Material, Mesh, SpecularKind};
 
     use super::*;
     use crate::secondary::tests::square;
     use crate::{Settings, Study, render};
 
-    /// A floor of metal of this roughness under a lamp, with a white wall that stands on it, seen from above.
+    /// A floor of metal of this roughness under a lamp, with a white wall that stands on it and a black plate before that, seen from above.
     fn room(alpha: f32) -> Scene {
-        let wall = [(-2.0, 0.0), (2.0, 0.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| Vec3::new(x, y, -1.0));
+        let wall = |half: f32, height: f32, z: f32| {
+            [(-half, 0.0), (half, 0.0), (half, height), (-half, height)].map(|(x, y)| Vec3::new(x, y, z))
+        };
         let mesh = Mesh {
-            positions: [square(2.0, 0.0), square(0.3, 2.0), wall].concat(),
-            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]],
-            materials: vec![0, 0, 1, 1, 2, 2],
+            positions: [square(2.0, 0.0), square(0.3, 2.0), wall(2.0, 2.0, -1.0), wall(0.3, 0.4, -0.6)].concat(),
+            triangles: [
+                [0, 2, 1],
+                [0, 3, 2],
+                [4, 5, 6],
+                [4, 6, 7],
+                [8, 9, 10],
+                [8, 10, 11],
+                [12, 13, 14],
+                [12, 14, 15],
+            ]
+            .to_vec(),
+            materials: vec![0, 0, 1, 1, 2, 2, 3, 3],
             ..Mesh::default()
         };
         let specular = SpecularKind::Ggx { alpha, reflectance: Vec3::splat(0.8), schlick: false };
         let metal = Material { diffuse: Vec3::ZERO, specular, ..Material::default() };
         let lamp = Material { diffuse: Vec3::ZERO, emission: Vec3::splat(5.0), ..Material::default() };
-        let white = Material { diffuse: Vec3::splat(0.7), ..Material::default() };
+        let [white, black] = [0.7, 0.0].map(|albedo| Material { diffuse: Vec3::splat(albedo), ..Material::default() });
         let camera =
             Camera { eye: Vec3::new(0.3, 1.2, 1.8), at: Vec3::new(0.0, 0.0, -0.4), up: Vec3::Y, fov_y_degrees: 40.0 };
         let description = Description {
             meshes: vec![mesh],
-            materials: vec![metal, lamp, white],
+            materials: vec![metal, lamp, white, black],
             camera: Some(camera),
             ..Description::default()
         };
         Scene::new(description).unwrap()
     }
 
-    /// Mean over the picture of the light that gloss reflects indirectly, the variance of that mean, and the variance of a pixel times the rays of a picture.
-    fn reflected(scene: &Scene, reuse: bool) -> (f64, f64, f64) {
-        const SEEDS: u8 = 4;
-        const PICTURES: f64 = SEEDS as f64;
+    /// What gloss reflects in several pictures: light straight from lamps, and other light.
+    struct Reflected {
+        /// Means over pictures, and variances of one picture, of each pixel.
+        means: [Vec<f64>; 2],
+        variances: [Vec<f64>; 2],
+        /// Variances of the means of `means`.
+        errors: [f64; 2],
+        /// Rays of a picture.
+        rays: f64,
+    }
+
+    fn mean(values: &[f64]) -> f64 {
+        values.iter().sum::<f64>() / values.len() as f64
+    }
+
+    fn variance(values: &[f64]) -> f64 {
+        let mean = mean(values);
+        values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64
+    }
+
+    fn reflected(scene: &Scene, reuse: bool, size: u32, count: u8) -> Reflected {
         let study = Study { lobe_reuse: Some(reuse), ..Study::default() };
-        let settings = Settings { size: UVec2::splat(96), quality: 0.1, study, ..Settings::default() };
-        let mut rays = 0.0;
-        let pictures: Vec<Vec<f64>> = (0..SEEDS)
-            .map(|seed| {
-                let rendering = render(scene, &Settings { seed: seed.into(), ..settings.clone() }, &|_| ())
-                    .expect("valid settings");
-                rays += rendering.statistics.rays.path as f64 / PICTURES;
-                let film = &rendering.film;
-                (0..film.pixel_count()).map(|pixel| f64::from(film.terms(pixel).specular.y)).collect()
-            })
-            .collect();
-        let pixels = pictures[0].len();
-        let variance = |values: &[f64]| {
-            let mean = values.iter().sum::<f64>() / PICTURES;
-            values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (PICTURES - 1.0)
+        let settings = Settings { size: UVec2::splat(size), quality: 0.1, study, ..Settings::default() };
+        let mut rays = Vec::new();
+        let mut pictures = [Vec::new(), Vec::new()];
+        for seed in 0..count {
+            let rendering =
+                render(scene, &Settings { seed: seed.into(), ..settings.clone() }, &|_| ()).expect("valid settings");
+            rays.push(rendering.statistics.rays.total() as f64);
+            let film = &rendering.film;
+            let (direct, specular): (Vec<f64>, Vec<f64>) = (0..film.pixel_count())
+                .map(|pixel| film.terms(pixel))
+                .map(|terms| (f64::from(terms.direct.y), f64::from(terms.specular.y)))
+                .unzip();
+            pictures[0].push(direct);
+            pictures[1].push(specular);
+        }
+        let by_pixel = |pictures: &[Vec<f64>], what: fn(&[f64]) -> f64| -> Vec<f64> {
+            let pixel = |pixel: usize| pictures.iter().map(|picture| picture[pixel]).collect::<Vec<f64>>();
+            (0..pictures[0].len()).map(|number| what(&pixel(number))).collect()
         };
-        let means: Vec<f64> = pictures.iter().map(|picture| picture.iter().sum::<f64>() / pixels as f64).collect();
-        let noise: f64 = (0..pixels)
-            .map(|pixel| variance(&pictures.iter().map(|picture| picture[pixel]).collect::<Vec<f64>>()))
-            .sum();
-        (means.iter().sum::<f64>() / PICTURES, variance(&means) / PICTURES, noise / pixels as f64 * rays)
+        Reflected {
+            means: pictures.each_ref().map(|pictures| by_pixel(pictures, mean)),
+            variances: pictures.each_ref().map(|pictures| by_pixel(pictures, variance)),
+            errors: pictures.each_ref().map(|pictures| {
+                variance(&pictures.iter().map(|picture| mean(picture)).collect::<Vec<f64>>()) / f64::from(count)
+            }),
+            rays: mean(&rays),
+        }
     }
 
     #[test]
     fn shared_lobes_have_the_light_of_lobes_alone_and_less_noise_for_their_rays() {
+        const SEEDS: u8 = 4;
         for alpha in [0.1, 0.3] {
             let scene = room(alpha);
-            let [(alone, error_alone, cost_alone), (shared, error_shared, cost_shared)] =
-                [false, true].map(|reuse| reflected(&scene, reuse));
-            let error = (error_alone + error_shared).sqrt();
-            assert!(alone > 0.01, "alpha {alpha}: there is light, {alone}");
-            assert!(
-                (alone - shared).abs() < 4.0 * error + 0.005 * alone,
-                "alpha {alpha}: {shared} instead of {alone} +- {error}"
-            );
-            assert!(cost_shared < 0.5 * cost_alone, "alpha {alpha}: {cost_shared} instead of {cost_alone}");
+            let [alone, shared] = [false, true].map(|reuse| reflected(&scene, reuse, 96, SEEDS));
+            for (term, name) in ["direct", "specular"].into_iter().enumerate() {
+                let [mean_alone, mean_shared] = [&alone, &shared].map(|found| mean(&found.means[term]));
+                let error = (alone.errors[term] + shared.errors[term]).sqrt();
+                assert!(mean_alone > 0.01, "alpha {alpha}, {name}: there is light, {mean_alone}");
+                assert!(
+                    (mean_alone - mean_shared).abs() < 4.0 * error + 0.003 * mean_alone,
+                    "alpha {alpha}, {name}: {mean_shared} instead of {mean_alone} +- {error}"
+                );
+            }
+            let [cost_alone, cost_shared] = [&alone, &shared].map(|found| mean(&found.variances[1]) * found.rays);
+            assert!(cost_shared < 0.4 * cost_alone, "alpha {alpha}: {cost_shared} instead of {cost_alone}");
         }
+    }
+
+    #[test]
+    fn what_stands_near_hides_things_from_some_points_of_a_tile_alone() {
+        const SEEDS: u8 = 16;
+        // Coarse pixels at the foot of the plate.
+        let scene = room(0.1);
+        let [alone, shared] = [false, true].map(|reuse| reflected(&scene, reuse, 24, SEEDS));
+        let apart: Vec<f64> = zip(&alone.means[1], &shared.means[1]).map(|(a, b)| (a - b).powi(2)).collect();
+        let noise = (mean(&alone.variances[1]) + mean(&shared.variances[1])) / f64::from(SEEDS);
+        // Without shadow rays it is three times the noise.
+        assert!(mean(&apart) < 1.3 * noise, "{} is not the noise, {noise}", mean(&apart));
     }
 
     #[test]
     fn batches_go_where_tiles_around_are_noisy() {
         let tile = |noise: f64| Tile {
-            groups: vec![Group { points: Vec::new(), guide: None, count: 2, parallax: 1.0 }],
+            groups: vec![Group { points: Vec::new(), corners: [0; 4], guide: None, count: 2, parallax: 1.0 }],
             lights: Vec::new(),
             places: Vec::new(),
             noise,
@@ -345,7 +404,8 @@ mod tests {
         tiles[0].groups.clear();
         assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], FIRST, "nothing to share");
         tiles[1..].iter_mut().for_each(|tile| tile.groups.clear());
-        let alone = Tile::new(vec![Group { points: Vec::new(), guide: None, count: 2, parallax: 1.0 }]);
+        let alone =
+            Tile::new(vec![Group { points: Vec::new(), corners: [0; 4], guide: None, count: 2, parallax: 1.0 }]);
         tiles[0] = alone;
         assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], plan(1e-2).lobe_batches, "nothing known");
     }
