@@ -214,7 +214,7 @@ impl<S: Secondary> Primary<'_, S> {
         }
         add_emission(terms, bounces, beta * self.scene.emission(&surface));
         if bsdf.has_diffuse() || bsdf.has_glossy() {
-            let shares_lobe = bounces == 0 && is_shared(self.scene, &shading, self.plan);
+            let shares_lobe = bounces == 0 && is_shared(&shading, self.plan);
             let light = self.direct_term().sample(&shading, position, shares_lobe, sampler, &mut found.rays);
             if bounces == 0 {
                 terms.direct += beta * light.direct;
