@@ -63,7 +63,7 @@ pub(crate) struct Plan {
     pub(crate) lobe_noise: f32,
     /// Most batches of their samples that a tile of the picture takes; a power of two.
     pub(crate) lobe_batches: u32,
-    /// How far things may move within a lobe from the middle of these neighbours to their ends, in widths of the lobe.
+    /// Things that move farther within a lobe from the middle of these neighbours to their ends may hide others from some of them: in widths of the lobe.
     pub(crate) lobe_parallax: f32,
     /// Primary rays along a side of the picture by which glossy lobes learn from where their light comes; 0 where they do not.
     pub(crate) learners: u32,
@@ -170,7 +170,7 @@ impl Plan {
                 0.0
             },
             lobe_batches: power_of_two(64.0 * lobe_quality.max(1.0)),
-            lobe_parallax: 1.5 * quality.max(1.0).sqrt().recip(),
+            lobe_parallax: 0.75 * quality.max(1.0).sqrt().recip(),
             learners: if features.glossy && study.lobe_guide != Some(false) { learners } else { 0 },
             light_learners: if light_count > 1 && study.light_guide != Some(false) { learners } else { 0 },
             lobe_samples: 128,

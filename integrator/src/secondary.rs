@@ -93,16 +93,39 @@ impl<S: Secondary> Follower<'_, S> {
     /// Radiance that the surface met by `ray` sends back along it, without what it emits, and without light that came there by
     /// mirrors or glass alone: that is the caustic of the point that gathers.
     pub(crate) fn reflected(&self, ray: &Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        let mut answer = Answer { follower: self, radiance: Vec3::ZERO };
-        walk(self.scene, ray.direction, surface, sampler, rays, &mut answer);
-        answer.radiance
+        self.reflection(ray, surface, sampler, rays).radiance()
+    }
+
+    /// The same by the directions from which it came to that surface.
+    pub(crate) fn reflection(
+        &self,
+        ray: &Ray,
+        surface: Surface,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Reflection {
+        let shading = Shading::new(self.scene, surface, ray.direction);
+        let dark = Turned { lobes: Lobes::ALL, wi: Vec3A::Z, radiance: Vec3::ZERO, irradiance: Vec3::ZERO };
+        let reflection = Reflection { shading, even: Vec3::ZERO, turned: [dark; 2] };
+        let mut answer = Answer { follower: self, reflection, turns: 0, is_turned: false };
+        walk(self.scene, shading, sampler, rays, &mut answer);
+        for Turned { lobes, wi, radiance, irradiance } in &mut answer.reflection.turned {
+            if *radiance != Vec3::ZERO {
+                let f = shading.bsdf.eval(*lobes, shading.wo, *wi);
+                *irradiance = Vec3::select(f.cmpgt(Vec3::ZERO), *radiance / f, Vec3::ZERO);
+            }
+        }
+        answer.reflection
     }
 }
 
 /// The light that a walk finds with the help of a secondary solution.
 struct Answer<'a, S> {
     follower: &'a Follower<'a, S>,
-    radiance: Vec3,
+    reflection: Reflection,
+    /// Directions so far, and whether what is found is for the last of them.
+    turns: usize,
+    is_turned: bool,
 }
 
 impl<S: Secondary> Visitor for Answer<'_, S> {
@@ -111,16 +134,63 @@ impl<S: Secondary> Visitor for Answer<'_, S> {
         let Some(known) = known else { return Taken::Nothing };
         let direct = known.direct.filter(|_| self.follower.spread * near >= known.resolution);
         let irradiance = direct.unwrap_or_default() + known.indirect;
-        self.radiance += beta * shading.bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI;
+        self.add(beta * shading.bsdf.diffuse * irradiance * std::f32::consts::FRAC_1_PI);
         if direct.is_some() { Taken::All } else { Taken::Indirect }
     }
 
+    fn turn(&mut self, way: Option<(Lobes, Vec3A)>) {
+        self.is_turned = way.is_some();
+        if let Some((lobes, wi)) = way {
+            let turned = &mut self.reflection.turned[self.turns];
+            (turned.lobes, turned.wi) = (lobes, wi);
+            self.turns += 1;
+        }
+    }
+
     fn add(&mut self, radiance: Vec3) {
-        self.radiance += radiance;
+        let reflection = &mut self.reflection;
+        let sum = if self.is_turned { &mut reflection.turned[self.turns - 1].radiance } else { &mut reflection.even };
+        *sum += radiance;
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         self.follower.secondary.quick_caustic_irradiance(surface)
+    }
+}
+
+/// What a surface sends back along a ray that met it, apart from what it gives off.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reflection {
+    shading: Shading,
+    /// What it sends everywhere.
+    even: Vec3,
+    /// What it sends along the ray of light that came to it along one direction or the other.
+    turned: [Turned; 2],
+}
+
+/// Light that came along a local direction and is reflected by some of the lobes.
+#[derive(Debug, Clone, Copy)]
+struct Turned {
+    lobes: Lobes,
+    wi: Vec3A,
+    radiance: Vec3,
+    /// The same over f.
+    irradiance: Vec3,
+}
+
+impl Reflection {
+    /// All that is sent along the ray.
+    pub(crate) fn radiance(&self) -> Vec3 {
+        self.turned.iter().fold(self.even, |sum, turned| sum + turned.radiance)
+    }
+
+    /// What is sent along the unit vector `wo` instead, as far as what came along the ray tells.
+    pub(crate) fn towards(&self, wo: Vec3A) -> Vec3 {
+        let Shading { frame, bsdf, .. } = &self.shading;
+        let wo = frame.to_local(wo);
+        self.turned.iter().fold(self.even, |sum, &Turned { lobes, wi, irradiance, .. }| {
+            if irradiance == Vec3::ZERO { sum } else { sum + bsdf.eval(lobes, wo, wi) * irradiance }
+        })
     }
 }
 
@@ -205,15 +275,18 @@ impl<'a> DirectLight<'a> {
     /// Takes one sample.
     #[inline]
     pub(crate) fn sample(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
-        if self.ways.count > 1 {
-            return self.pick(u, rays);
-        }
-        let light = self.choose(u[0], Vec2::new(u[1], u[2]));
-        light.map_or(Vec3::ZERO, |(light, value)| self.shadowed(&light, value, rays))
+        self.sample_way(u, rays).map_or(Vec3::ZERO, |(_, value)| value)
     }
 
-    /// Chooses one of several directions by what they would bring, and traces it.
-    fn pick(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
+    /// Takes one sample, and returns the local direction to it, too.
+    #[inline]
+    pub(crate) fn sample_way(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Option<(Vec3A, Vec3)> {
+        let (light, value) = if self.ways.count > 1 { self.pick(u) } else { self.choose(u[0], Vec2::new(u[1], u[2])) }?;
+        Some((self.shading.frame.to_local(light.wi), self.shadowed(&light, value, rays)))
+    }
+
+    /// Chooses one of several directions by what they would bring.
+    fn pick(&mut self, u: [f32; 4]) -> Option<(LightSample, Vec3)> {
         /// A sequence of low discrepancy (Roberts 2018).
         const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
         let count = self.ways.count;
@@ -236,7 +309,7 @@ impl<'a> DirectLight<'a> {
                 u_pick = (u_pick - share) / (1.0 - share);
             }
         }
-        picked.map_or(Vec3::ZERO, |(light, value, weight)| self.shadowed(&light, value * (total / weight), rays))
+        picked.map(|(light, value, weight)| (light, value * (total / weight)))
     }
 
     /// Returns a direction to a light and what it would bring as one of `ways.count`; `None` for nothing.

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use scene::{Lobes, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
-use crate::secondary::{LightWays, Shading, direct_light, light_candidates, mis_weight, unsampled_emission};
+use crate::secondary::{DirectLight, LightWays, Shading, light_candidates, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
 /// From this bounce on, walks are ended by roulette, and from the other on even if nothing is absorbed, as inside of glass: each time that such a walk is kept
@@ -33,6 +33,10 @@ pub(crate) trait Visitor {
     /// in metres, for what is known may be too coarse for a short one; infinite behind gloss and diffuse surfaces, where nothing is.
     fn visit(&mut self, shading: &Shading, beta: Vec3, near: f32) -> Taken;
 
+    /// Says that what is added from now on came to the first surface along this local direction and was reflected there by these lobes, or `None` that it
+    /// is sent everywhere alike.
+    fn turn(&mut self, _way: Option<(Lobes, Vec3A)>) {}
+
     /// Adds radiance that reaches the start of the walk.
     fn add(&mut self, radiance: Vec3);
 
@@ -40,19 +44,17 @@ pub(crate) trait Visitor {
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
 }
 
-/// Walks on from the surface that a ray of this `direction` met. Emission there is not counted, and neither is light that came to the surface
+/// Walks on from a surface that a ray met. Emission there is not counted, and neither is light that came to the surface
 /// by mirrors or glass alone: that is the caustic of the point where the ray started.
 pub(crate) fn walk(
     scene: &Scene,
-    direction: Vec3A,
-    surface: Surface,
+    mut shading: Shading,
     sampler: &mut Sampler,
     rays: &mut RayCounts,
     visitor: &mut impl Visitor,
 ) {
-    let mut beta = scene.transmittance(&surface);
-    let mut near = surface.t;
-    let mut shading = Shading::new(scene, surface, direction);
+    let mut beta = scene.transmittance(&shading.surface);
+    let mut near = shading.surface.t;
     // Where the last glossy bounce was, and its density for each direction to lights there: what it meets counts beside what these found.
     let mut glossy: Option<(Vec3A, f32)> = None;
     for bounce in 1..MAX_BOUNCES {
@@ -67,7 +69,15 @@ pub(crate) fn walk(
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
             let ways = LightWays { count: candidates, choice: None, sky: None };
             let u = sampler.next_4d_for(candidates > 1 || scene.lights().has_choice());
-            visitor.add(beta * direct_light(scene, &shading, lobes, ways, u, rays));
+            if let Some((wi, value)) = DirectLight::new(scene, &shading, lobes, ways).sample_way(u, rays) {
+                if bounce == 1 {
+                    visitor.turn(Some((lobes, wi)));
+                }
+                visitor.add(beta * value);
+                if bounce == 1 {
+                    visitor.turn(None);
+                }
+            }
         }
         if taken != Taken::All && scene.features().emissive_unsampled {
             visitor.add(beta * unsampled_emission(scene, &shading, sampler.next_pair(), rays));
@@ -97,6 +107,9 @@ pub(crate) fn walk(
                 break;
             }
             beta /= survival;
+        }
+        if bounce == 1 && !sample.delta {
+            visitor.turn(Some((lobe, sample.wi)));
         }
         let wi = shading.frame.to_world(sample.wi);
         if beta == Vec3::ZERO || !shading.leaves(wi, sample.wi) {

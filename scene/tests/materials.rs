@@ -82,7 +82,9 @@ fn ggx_eval_integrates_to_the_energy_of_its_samples() {
 #[test]
 fn eval_and_pdf_in_one_are_the_same_as_apart() {
     let mirror = Bsdf { diffuse: Vec3::splat(0.2), specular: Specular::Mirror { reflectance: Vec3::ONE } };
-    for bsdf in [ggx(0.1), ggx(0.7), plastic(false), plastic(true), mirror, Bsdf::BLACK] {
+    let clear =
+        Bsdf { diffuse: Vec3::ZERO, specular: Specular::Ggx { alpha: 0.3, reflectance: Vec3::ZERO, schlick: true } };
+    for bsdf in [ggx(0.1), ggx(0.7), plastic(false), plastic(true), clear, mirror, Bsdf::BLACK] {
         for lobes in [Lobes::DIFFUSE, Lobes::SPECULAR, Lobes::ALL] {
             for i in 0..1000 {
                 let wo = hemimap::square_to_uniform_hemisphere(hammersley(i, 1000));

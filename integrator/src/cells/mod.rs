@@ -200,7 +200,8 @@ impl CellBuilder<'_> {
                 let surface = self.scene.surface(&ray, &hit);
                 let mut rays = RayCounts::default();
                 let mut link = LinkWalk { builder: self, cells, row: &mut row, share };
-                walk(self.scene, ray.direction, surface, &mut sampler, &mut rays, &mut link);
+                let shading = Shading::new(self.scene, surface, ray.direction);
+                walk(self.scene, shading, &mut sampler, &mut rays, &mut link);
                 row.rays += rays;
             } else {
                 row.direct += pi * soft_background(self.scene, self.sky, ray.direction);

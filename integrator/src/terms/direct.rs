@@ -6,7 +6,9 @@ use scene::{Lights, Lobes, Ray, Scene, Specular, Surface};
 
 use crate::plan::Plan;
 use crate::sampler::Sampler;
-use crate::secondary::{DirectLight, Follower, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
+use crate::secondary::{
+    DirectLight, Follower, LightWays, Reflection, Secondary, Shading, mis_weight, unsampled_emission,
+};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::guide::{Guide, LobeGuide};
@@ -54,11 +56,23 @@ pub(crate) struct Sight {
     pub(crate) surface: Option<Surface>,
     /// Straight from a source.
     pub(crate) emitted: Vec3,
-    /// From one by way of mirrors and glass alone, and where the lobe is traced, all else that is reflected.
-    pub(crate) reflected: Vec3,
+    /// From one by way of mirrors and glass alone.
+    pub(crate) caustic: Vec3,
+    /// All else that is reflected, where the lobe is traced.
+    pub(crate) reflection: Option<Reflection>,
 }
 
 impl Sight {
+    /// Radiance that is reflected to the lobe that looked.
+    pub(crate) fn reflected(&self) -> Vec3 {
+        self.caustic + self.reflection.as_ref().map_or(Vec3::ZERO, Reflection::radiance)
+    }
+
+    /// Radiance that is reflected to a lobe that looks here along the unit vector `wi`.
+    pub(crate) fn reflected_to(&self, wi: Vec3A) -> Vec3 {
+        self.caustic + self.reflection.as_ref().map_or(Vec3::ZERO, |reflection| reflection.towards(-wi))
+    }
+
     /// Returns what a lobe at `p`, which sees this too and looks here with density `pdf`, counts of the light straight from the source beside light sampling.
     pub(crate) fn emitted_to(&self, lights: &Lights, p: Vec3A, wi: Vec3A, pdf: f32) -> Vec3 {
         if self.emitted == Vec3::ZERO {
@@ -162,7 +176,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
     /// Returns the light by what a sample of the lobe sees.
     pub(crate) fn light_of(&self, shading: &Shading, way: &LobeWay, sight: &Sight) -> Light {
         let emitted = sight.emitted_to(self.scene.lights(), shading.surface.p, sight.wi, way.pdf);
-        Light { direct: way.weight * emitted, specular: way.weight * sight.reflected }
+        Light { direct: way.weight * emitted, specular: way.weight * sight.reflected() }
     }
 
     /// Returns what a glossy lobe sees along the local direction `wi`.
@@ -177,19 +191,23 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let ray = shading.surface.spawn(wi);
         rays.path += 1;
         let Some(hit) = self.scene.intersect(&ray) else {
-            return Sight { wi, surface: None, emitted: self.scene.background(wi), reflected: Vec3::ZERO };
+            return Sight {
+                wi,
+                surface: None,
+                emitted: self.scene.background(wi),
+                caustic: Vec3::ZERO,
+                reflection: None,
+            };
         };
         let surface = self.scene.surface(&ray, &hit);
         let emitted = self.scene.emission(&surface) * self.scene.transmittance(&surface);
-        let mut reflected = Vec3::ZERO;
-        if self.scene.features().delta {
-            reflected += self.caustic_along(ray, surface, sampler, rays);
-        }
-        if is_traced(shading, self.plan) {
+        let has_caustic = self.scene.features().delta;
+        let caustic = if has_caustic { self.caustic_along(ray, surface, sampler, rays) } else { Vec3::ZERO };
+        let reflection = is_traced(shading, self.plan).then(|| {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
-            reflected += follower.reflected(&ray, surface, sampler, rays);
-        }
-        Sight { wi, surface: Some(surface), emitted, reflected }
+            follower.reflection(&ray, surface, sampler, rays)
+        });
+        Sight { wi, surface: Some(surface), emitted, caustic, reflection }
     }
 
     /// Radiance of the source at the end of a chain of mirrors and glass that starts at `surface`: L_c along the ray. Black where it

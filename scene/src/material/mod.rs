@@ -146,7 +146,7 @@ impl Bsdf {
         if specular < 1.0 {
             pdf += (1.0 - specular) * wi.z * FRAC_1_PI;
         }
-        if specular > 0.0
+        if lobes.contains(Lobes::SPECULAR)
             && let Specular::Ggx { alpha, .. } = self.specular
         {
             let h = (wo + wi).normalize();

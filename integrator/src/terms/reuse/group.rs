@@ -9,14 +9,14 @@ use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
 use crate::surface_points::{SurfacePoint, same_surface};
-use crate::terms::direct::{DirectTerm, Light, LobeWay, Sight, alpha, guided_way};
+use crate::terms::direct::{DirectTerm, Light, LobeWay, Sight, alpha, guided_way, is_traced};
 use crate::terms::guide::Guide;
 
 /// Points of one surface in a tile.
 pub(super) struct Group<'a> {
     pub(super) points: Vec<(usize, &'a SurfacePoint)>,
-    /// Those at the corners of the tile.
-    pub(super) corners: [usize; 4],
+    /// How many of them, the first, lie at the corners of the tile.
+    pub(super) corners: usize,
     pub(super) guide: Option<&'a Guide>,
     /// Samples of a batch for each point.
     pub(super) count: u32,
@@ -27,9 +27,9 @@ pub(super) struct Group<'a> {
 /// What a lobe's sample found.
 pub(super) struct Found {
     sight: Sight,
-    /// About the angle over which the light that comes from there is the same: 0 for mirrors and glass, 1 where it is diffuse.
-    alpha: f32,
-    /// The point whose sample it is, and the way.
+    /// About the angle over which the light that is reflected there is the same; `None` where it is the same for all.
+    width: Option<f32>,
+    /// The point whose sample it is, and the way, its weight over the number of samples.
     from: usize,
     way: LobeWay,
 }
@@ -42,8 +42,8 @@ pub(super) struct Batch {
 }
 
 impl Batch {
-    /// Where samples found something.
-    pub(super) fn places(&self) -> Vec<Vec3A> {
+    /// Where samples met something.
+    pub(super) fn hits(&self) -> Vec<Vec3A> {
         self.found.iter().filter_map(|found| Some(found.sight.surface?.p)).collect()
     }
 }
@@ -61,15 +61,15 @@ impl Group<'_> {
     ) -> Batch {
         let mut found = Vec::new();
         let shadings: Vec<Shading> =
-            self.points.iter().map(|(_, point)| self.place(direct.scene, point, size, batch, seed, rays)).collect();
+            self.points.iter().map(|(_, point)| self.shade(direct, point, size, batch, seed, rays)).collect();
         for (from, ((_, point), shading)) in zip(&self.points, &shadings).enumerate() {
             for index in batch * self.count..(batch + 1) * self.count {
                 let Some((mut way, mut sampler)) = self.way(direct, shading, point.key, index, seed) else { continue };
                 way.weight /= self.count as f32;
                 let sight = direct.look_along(shading, way.wi, &mut sampler, rays);
-                if (way.weight * (sight.emitted + sight.reflected)).is_finite() {
-                    let alpha = sight.surface.map_or(1.0, |surface| width(&direct.scene.bsdf(&surface)));
-                    found.push(Found { sight, alpha, from, way });
+                if (way.weight * (sight.emitted + sight.reflected())).is_finite() {
+                    let width = sight.surface.and_then(|surface| width(&direct.scene.bsdf(&surface)));
+                    found.push(Found { sight, width, from, way });
                 } else {
                     *dropped += 1;
                 }
@@ -78,27 +78,31 @@ impl Group<'_> {
         Batch { shadings, found }
     }
 
-    /// Chooses a place within the pixel of a point, on its surface.
-    fn place(
+    /// Shades some place of a point within its pixel.
+    fn shade<S: Secondary>(
         &self,
-        scene: &Scene,
+        direct: &DirectTerm<'_, S>,
         point: &SurfacePoint,
         size: UVec2,
         batch: u32,
         seed: u64,
         rays: &mut RayCounts,
     ) -> Shading {
-        /// Places that are tried; where something else is seen at all of them, the point stays where it is.
+        /// Places that are tried; where something else is seen at all of them, the point stands for itself.
         const TRIALS: u32 = 4;
         /// Keeps these random numbers apart from those of lobes.
         const STREAM: u64 = 0x70_6c61_6365;
         let mut sampler = Sampler::new(seed, hash_pair(point.key, STREAM), batch);
         let Surface { t, .. } = point.shading.surface;
         let mut trial = || {
-            let ray = scene.camera_ray(point.position.as_vec2() + sampler.next_pair(), size);
+            let ray = direct.scene.camera_ray(point.position.as_vec2() + sampler.next_pair(), size);
             rays.camera += 1;
-            let surface = scene.surface(&ray, &scene.intersect(&ray)?);
-            same_surface(&point.shading.surface, &surface, t).then(|| Shading::new(scene, surface, ray.direction))
+            let surface = direct.scene.surface(&ray, &direct.scene.intersect(&ray)?);
+            let shading = Shading::new(direct.scene, surface, ray.direction);
+            // A texture may make the lobe of one place traced and not that of the other.
+            let is_like = same_surface(&point.shading.surface, &surface, t)
+                && is_traced(&shading, direct.plan) == is_traced(&point.shading, direct.plan);
+            is_like.then_some(shading)
         };
         (0..TRIALS).find_map(|_| trial()).unwrap_or(point.shading)
     }
@@ -129,36 +133,36 @@ impl Group<'_> {
         self.guide.map_or(pdf, |guide| 0.5 * (pdf + guide.pdf(wi)))
     }
 
-    /// Gives what samples found to all points; where something is near, by what it was or by the places that another batch found, to those that see it.
+    /// Gives what samples found to all points. Where that is near, or much of what another batch met, it is for those points that see it.
     pub(super) fn share<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
         Batch { shadings, found }: &Batch,
-        others: &[Vec3A],
+        other_hits: &[Vec3A],
         lights: &mut [Light],
         rays: &mut RayCounts,
     ) {
-        /// Things that move by this share of how far light from there may, are near enough to hide things from some points.
-        const HIDING: f32 = 0.5;
-        /// At most so many of what was found are as near as that where nothing is taken to be hidden.
+        /// What is met on gloss is shared as long as that moves within its own lobe by less than so many widths: else some point might see in bright light what another's lobe hardly found.
+        const GLOSS: f32 = 3.0;
+        /// Where nothing is taken to be hidden, at most so many of what was met are near.
         const NEAR_SHARE: f32 = 0.02;
-        let places = shadings.iter().map(|shading| shading.surface.p);
+        let points = shadings.iter().map(|shading| shading.surface.p);
         let (low, high) =
-            places.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+            points.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         let (middle, extent) = (0.5 * (low + high), 0.5 * high.distance(low));
         let is_alone = shadings.len() == 1;
-        let width = alpha(&shadings[0]);
-        let is_near = |p: Vec3A, width: f32| p.distance(middle) * width * self.parallax < extent;
-        let near = others.iter().filter(|&&p| is_near(p, HIDING * width)).count();
-        let is_hiding = near as f32 > NEAR_SHARE * others.len() as f32;
+        let hiding = self.parallax * alpha(&shadings[0]);
+        let is_near = |p: Vec3A, width: f32| p.distance(middle) * width < extent;
+        let near = other_hits.iter().filter(|&&p| is_near(p, hiding)).count();
+        let is_hiding = near as f32 > NEAR_SHARE * other_hits.len() as f32;
         let mut values = vec![Value::default(); shadings.len()];
         for found in found {
-            let is_near = |width: f32| found.sight.surface.as_ref().is_some_and(|surface| is_near(surface.p, width));
-            if is_alone || (found.alpha < width && is_near(found.alpha)) {
+            let is_met_near = |width: f32| found.sight.surface.as_ref().is_some_and(|met| is_near(met.p, width));
+            if is_alone || found.width.is_some_and(|width| is_met_near(GLOSS * width)) {
                 lights[found.from].add(&direct.light_of(&shadings[found.from], &found.way, &found.sight));
-            } else if found.sight.emitted + found.sight.reflected != Vec3::ZERO {
+            } else if found.sight.emitted + found.sight.reflected() != Vec3::ZERO {
                 self.weigh(direct.scene.lights(), shadings, &found.sight, &mut values);
-                if is_hiding || is_near(HIDING * width) {
+                if is_hiding || is_met_near(hiding) {
                     self.hide(direct.scene, shadings, found, &mut values, rays);
                 }
                 self.give(&values, lights);
@@ -171,11 +175,11 @@ impl Group<'_> {
         for (Shading { surface, frame, bsdf, wo }, value) in zip(shadings, values) {
             *value = Value::default();
             // From solid angles to areas of the surface that was met; the surroundings are met in the same direction.
-            let (wi, distance, area) = sight.surface.map_or((sight.wi, f32::INFINITY, 1.0), |met| {
+            let (wi, area) = sight.surface.map_or((sight.wi, 1.0), |met| {
                 let way = met.p - surface.p;
-                let distance = way.length();
-                let wi = way / distance;
-                (wi, distance, -met.ng.dot(wi) / (distance * distance))
+                let distance_sq = way.length_squared();
+                let wi = way / distance_sq.sqrt();
+                (wi, -met.ng.dot(wi) / distance_sq)
             });
             let local = frame.to_local(wi);
             let (f, pdf) = bsdf.eval_pdf(Lobes::SPECULAR, *wo, local);
@@ -185,27 +189,31 @@ impl Group<'_> {
             }
             let weight = f * (local.z * area);
             let emitted = sight.emitted_to(sources, surface.p, wi, pdf);
-            let light = Light { direct: weight * emitted, specular: weight * sight.reflected };
-            *value = Value { density: self.density(pdf, local) * area, light, wi, distance };
+            let light = Light { direct: weight * emitted, specular: weight * sight.reflected_to(wi) };
+            *value = Value { density: self.density(pdf, local) * area, light };
         }
     }
 
     /// Takes what was found from the points that do not see it. Where those at the corners of the tile do, so do all.
     fn hide(&self, scene: &Scene, shadings: &[Shading], found: &Found, values: &mut [Value], rays: &mut RayCounts) {
-        let mut is_seen = |member: usize| {
-            let Value { density, wi, distance, .. } = values[member];
-            if member == found.from || density == 0.0 {
-                return true;
+        let Found { sight, from, .. } = found;
+        let (mut asked, mut hidden) = (0, 0);
+        for (member, (Shading { surface, .. }, value)) in zip(shadings, values).enumerate() {
+            if member == self.corners && asked > 0 && hidden == 0 {
+                return;
             }
+            if member == *from || value.density == 0.0 {
+                continue;
+            }
+            // It ends where a ray from there would start.
+            let ray =
+                sight.surface.map_or_else(|| surface.spawn(sight.wi), |met| surface.spawn_to(met.spawn(met.ng).origin));
             rays.shadow += 1;
-            !scene.occluded(&shadings[member].surface.shadow_ray(wi, distance))
-        };
-        if self.corners.into_iter().all(&mut is_seen) {
-            return;
-        }
-        let hidden: Vec<usize> = (0..values.len()).filter(|&member| !is_seen(member)).collect();
-        for member in hidden {
-            values[member] = Value::default();
+            asked += 1;
+            if scene.occluded(&ray) {
+                hidden += 1;
+                *value = Value::default();
+            }
         }
     }
 
@@ -230,16 +238,13 @@ struct Value {
     density: f32,
     /// What it reflects, not yet over the density of all.
     light: Light,
-    /// Where the sight lies.
-    wi: Vec3A,
-    distance: f32,
 }
 
-/// About the angle over which the light that a surface reflects is the same.
-fn width(bsdf: &Bsdf) -> f32 {
+/// About the angle over which the light that a surface reflects is the same; `None` where it is diffuse.
+fn width(bsdf: &Bsdf) -> Option<f32> {
     match bsdf.specular {
-        Specular::None => 1.0,
-        Specular::Ggx { alpha, .. } => alpha,
-        Specular::Mirror { .. } | Specular::Dielectric { .. } => 0.0,
+        Specular::None => None,
+        Specular::Ggx { alpha, .. } => Some(alpha),
+        Specular::Mirror { .. } | Specular::Dielectric { .. } => Some(0.0),
     }
 }

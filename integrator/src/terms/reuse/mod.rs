@@ -5,11 +5,11 @@
 //! point q and their densities p_q over the surfaces that are met,
 //!
 //! ```text
-//! L_s(p) = sum over all samples x of   f_s(p, x) G(p, x) L(x) / (N sum_q p_q(x))
+//! L_s(p) = sum over all samples x that p sees of   f_s(p, x) G(p, x) L(x) / (N sum_q p_q(x)),   q that see x
 //! ```
-//! which is the balance heuristic (Veach 1997) between the points. What x gives off itself counts at p as much as light sampling at p leaves of it. This has no bias
-//! as far as all points see x, and x sends all of them the same light. Where something is so near that it moves within a lobe from point to point,
-//! shadow rays tell which points see x; and what is so glossy that it looks different from there is for its own point.
+//! which is the balance heuristic (Veach 1997) between the points. What x gives off itself counts at p as much as light sampling at p leaves of it. Light that x
+//! reflects by gloss is weighed anew for each point. This has no bias as far as it is known which points see x. All are taken to, but where something is so near that it moves within a lobe from point to point:
+//! there shadow rays tell. What absorbs light on the way is taken to be the same for all. Mirrors and glass, and gloss of which the points see quite different parts of the lobe, are for their own point.
 //!
 //! A point stands for all samples of its pixel on a surface, each batch at another place in the pixel. On curved surfaces those share whose normals are alike; what is seen in mirrors
 //! takes no part.
@@ -34,7 +34,7 @@ use crate::plan::Plan;
 use crate::sampler::hash_pair;
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
-use crate::surface_points::{PixelPoints, SurfacePoint, same_surface};
+use crate::surface_points::{PixelPoints, same_surface};
 
 /// Pixels along a side of a tile.
 const SIDE: usize = 4;
@@ -57,8 +57,8 @@ struct Tile<'a> {
     groups: Vec<Group<'a>>,
     /// Sums over the batches of the light of the points of each group.
     lights: Vec<Vec<Light>>,
-    /// Where the first batch found something, by which later ones know what is near: a batch that judged itself would take nothing to be hidden where it happened to meet nothing near.
-    places: Vec<Vec<Vec3A>>,
+    /// What the first batch met, by which later ones know what is near: a batch that judged itself would take nothing to be hidden where it happened to meet nothing near.
+    hits: Vec<Vec<Vec3A>>,
     /// Relative noise of the mean of the first batches, summed over the pixels, by squares.
     noise: f64,
     rays: RayCounts,
@@ -66,7 +66,7 @@ struct Tile<'a> {
     dropped: u64,
 }
 
-/// Adds the light of shared lobes to the pixels of a band of `width`, in which the indirect light has about the radiance `ambient`.
+/// Adds the light of shared lobes to the pixels of a band of a picture of `size`, in which the indirect light has about the radiance `ambient`.
 pub(crate) fn share_lobes<S: Secondary>(
     direct: &DirectTerm<'_, S>,
     pixels: &mut [PixelPoints],
@@ -165,31 +165,37 @@ fn groups<'a, S: Secondary>(
         let guide = direct.guide.filter(|_| is_guided(&point.shading, direct.plan));
         groups.push(Group {
             points: vec![(pixel, point)],
-            corners: [0; 4],
+            corners: 0,
             guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
             count: lobe_rays(&point.shading, direct.plan).next_power_of_two().clamp(2, BATCH),
             parallax: direct.plan.lobe_parallax,
         });
     }
     for group in &mut groups {
-        group.corners = corners(&group.points);
+        group.corners = corners_first(&mut group.points, |(_, point)| point.position);
     }
     groups
 }
 
-/// The points that lie farthest towards the corners of the tile.
-fn corners(points: &[(usize, &SurfacePoint)]) -> [usize; 4] {
-    [IVec2::new(-1, -1), IVec2::new(1, -1), IVec2::new(-1, 1), IVec2::new(1, 1)].map(|corner| {
-        let towards = |&number: &usize| points[number].1.position.as_ivec2().dot(corner);
-        (0..points.len()).max_by_key(towards).unwrap_or(0)
-    })
+/// Puts the points first that lie farthest towards the corners of the tile, and returns how many these are.
+fn corners_first<T>(points: &mut [T], position: impl Fn(&T) -> UVec2) -> usize {
+    let mut count = 0;
+    for corner in [IVec2::new(-1, -1), IVec2::new(1, 1), IVec2::new(1, -1), IVec2::new(-1, 1)] {
+        let towards = |&number: &usize| position(&points[number]).as_ivec2().dot(corner);
+        let farthest = (0..points.len()).max_by_key(towards).unwrap_or(0);
+        if farthest >= count {
+            points.swap(count, farthest);
+            count += 1;
+        }
+    }
+    count
 }
 
 impl<'a> Tile<'a> {
     /// A tile without light yet.
     fn new(groups: Vec<Group<'a>>) -> Self {
         let lights = groups.iter().map(|group| vec![Light::default(); group.points.len()]).collect();
-        Self { groups, lights, places: Vec::new(), noise: 0.0, rays: RayCounts::default(), dropped: 0 }
+        Self { groups, lights, hits: Vec::new(), noise: 0.0, rays: RayCounts::default(), dropped: 0 }
     }
 
     /// Takes the first two batches, each judged by what the other found; gives the light after one of them.
@@ -198,11 +204,11 @@ impl<'a> Tile<'a> {
         for (group, lights) in self.groups.iter().zip(&mut self.lights) {
             let mut trace = |batch| group.trace(direct, size, batch, seed, &mut self.rays, &mut self.dropped);
             let (first, second) = (trace(0), trace(1));
-            let places = first.places();
-            group.share(direct, &first, &second.places(), lights, &mut self.rays);
+            let hits = first.hits();
+            group.share(direct, &first, &second.hits(), lights, &mut self.rays);
             after_one.push(lights.clone());
-            group.share(direct, &second, &places, lights, &mut self.rays);
-            self.places.push(places);
+            group.share(direct, &second, &hits, lights, &mut self.rays);
+            self.hits.push(hits);
         }
         after_one
     }
@@ -225,10 +231,10 @@ impl<'a> Tile<'a> {
 
     /// Takes more batches.
     fn take<S: Secondary>(&mut self, direct: &DirectTerm<'_, S>, size: UVec2, batches: Range<u32>, seed: u64) {
-        for ((group, lights), places) in self.groups.iter().zip(&mut self.lights).zip(&self.places) {
+        for ((group, lights), hits) in self.groups.iter().zip(&mut self.lights).zip(&self.hits) {
             for batch in batches.clone() {
                 let found = group.trace(direct, size, batch, seed, &mut self.rays, &mut self.dropped);
-                group.share(direct, &found, places, lights, &mut self.rays);
+                group.share(direct, &found, hits, lights, &mut self.rays);
             }
         }
     }
@@ -257,6 +263,15 @@ mod tests {
 
     /// A floor of metal of this roughness, whose normals lean apart by `bend` at its corners, under a lamp, with a white wall that stands on it and a black plate before that, seen from above.
     fn room(alpha: f32, bend: f32) -> Scene {
+        walled_room(alpha, bend, Material { diffuse: Vec3::splat(0.7), ..Material::default() })
+    }
+
+    fn gloss(alpha: f32) -> SpecularKind {
+        SpecularKind::Ggx { alpha, reflectance: Vec3::splat(0.8), schlick: false }
+    }
+
+    /// The same with a wall of this.
+    fn walled_room(alpha: f32, bend: f32, wall_material: Material) -> Scene {
         let wall = |half: f32, height: f32, z: f32| {
             [(-half, 0.0), (half, 0.0), (half, height), (-half, height)].map(|(x, y)| Vec3::new(x, y, z))
         };
@@ -278,15 +293,14 @@ mod tests {
             materials: vec![0, 0, 1, 1, 2, 2, 3, 3],
             ..Mesh::default()
         };
-        let specular = SpecularKind::Ggx { alpha, reflectance: Vec3::splat(0.8), schlick: false };
-        let metal = Material { diffuse: Vec3::ZERO, specular, ..Material::default() };
-        let lamp = Material { diffuse: Vec3::ZERO, emission: Vec3::splat(5.0), ..Material::default() };
-        let [white, black] = [0.7, 0.0].map(|albedo| Material { diffuse: Vec3::splat(albedo), ..Material::default() });
+        let black = Material { diffuse: Vec3::ZERO, ..Material::default() };
+        let metal = Material { specular: gloss(alpha), ..black.clone() };
+        let lamp = Material { emission: Vec3::splat(5.0), ..black.clone() };
         let camera =
             Camera { eye: Vec3::new(0.3, 1.2, 1.8), at: Vec3::new(0.0, 0.0, -0.4), up: Vec3::Y, fov_y_degrees: 40.0 };
         let description = Description {
             meshes: vec![mesh],
-            materials: vec![metal, lamp, white, black],
+            materials: vec![metal, lamp, wall_material, black],
             camera: Some(camera),
             ..Description::default()
         };
@@ -370,21 +384,41 @@ mod tests {
     #[test]
     fn what_stands_near_hides_things_from_some_points_of_a_tile_alone() {
         const SEEDS: u8 = 16;
+        let white = Material { diffuse: Vec3::splat(0.7), ..Material::default() };
+        let metal = Material { diffuse: Vec3::ZERO, specular: gloss(0.1), ..Material::default() };
+        let lamp = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
         // Coarse pixels at the foot of the plate.
-        let scene = room(0.1, 0.0);
-        let [alone, shared] = [false, true].map(|reuse| reflected(&scene, reuse, 24, SEEDS));
-        let apart: Vec<f64> = zip(&alone.means[1], &shared.means[1]).map(|(a, b)| (a - b).powi(2)).collect();
-        let noise = (mean(&alone.variances[1]) + mean(&shared.variances[1])) / f64::from(SEEDS);
-        // Without shadow rays it is three times the noise.
-        assert!(mean(&apart) < 1.3 * noise, "{} is not the noise, {noise}", mean(&apart));
+        for (wall, term, name) in [(white, 1, "white"), (metal, 1, "metal"), (lamp, 0, "lamp")] {
+            let scene = walled_room(0.1, 0.0, wall);
+            let [alone, shared] = [false, true].map(|reuse| reflected(&scene, reuse, 24, SEEDS));
+            let apart: Vec<f64> = zip(&alone.means[term], &shared.means[term]).map(|(a, b)| (a - b).powi(2)).collect();
+            let noise = (mean(&alone.variances[term]) + mean(&shared.variances[term])) / f64::from(SEEDS);
+            // Without shadow rays it is three times the noise before the white wall, fifteen times before metal that sends all points the same.
+            assert!(mean(&apart) < 1.5 * noise, "{name}: {} is not the noise, {noise}", mean(&apart));
+        }
+    }
+
+    #[test]
+    fn corners_of_a_tile_come_first() {
+        let corners = |points: &[[u32; 2]]| {
+            let mut points = points.to_vec();
+            let count = corners_first(&mut points, |&point| UVec2::from_array(point));
+            points.truncate(count);
+            points.sort_unstable();
+            points
+        };
+        let points: Vec<[u32; 2]> = (0..16).map(|i| [40 + i % 4, 80 + i / 4]).collect();
+        assert_eq!(corners(&points), [[40, 80], [40, 83], [43, 80], [43, 83]]);
+        assert_eq!(corners(&points[4..7]), [[40, 81], [42, 81]], "of a row");
+        assert_eq!(corners(&points[5..6]), [[41, 81]]);
     }
 
     #[test]
     fn batches_go_where_tiles_around_are_noisy() {
         let tile = |noise: f64| Tile {
-            groups: vec![Group { points: Vec::new(), corners: [0; 4], guide: None, count: 2, parallax: 1.0 }],
+            groups: vec![Group { points: Vec::new(), corners: 0, guide: None, count: 2, parallax: 1.0 }],
             lights: Vec::new(),
-            places: Vec::new(),
+            hits: Vec::new(),
             noise,
             rays: RayCounts::default(),
             dropped: 0,
@@ -403,8 +437,7 @@ mod tests {
         tiles[0].groups.clear();
         assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], FIRST, "nothing to share");
         tiles[1..].iter_mut().for_each(|tile| tile.groups.clear());
-        let alone =
-            Tile::new(vec![Group { points: Vec::new(), corners: [0; 4], guide: None, count: 2, parallax: 1.0 }]);
+        let alone = Tile::new(vec![Group { points: Vec::new(), corners: 0, guide: None, count: 2, parallax: 1.0 }]);
         tiles[0] = alone;
         assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], plan(1e-2).lobe_batches, "nothing known");
     }
