@@ -8,7 +8,7 @@ use scene::{Bsdf, Scene, Specular, Surface};
 
 use crate::allocation::neighbours;
 use crate::sampler::{Rng, Sampler, hash_pair, in_cell};
-use crate::secondary::{Follower, Secondary};
+use crate::secondary::{Follower, Secondary, Shading};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
 
@@ -117,7 +117,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         };
         let found = self.scene.surface(&ray, &hit);
         let follower = Follower { scene: self.scene, secondary: self.secondary, spread: f32::INFINITY };
-        let radiance = follower.reflected(&ray, found, sampler, rays);
+        let met = Shading::new(self.scene, found, wi);
+        let radiance = follower.reflection(met, sampler, rays).radiance();
         (Traced { radiance, distance: found.t, normal: found.ng }, Some(found))
     }
 }

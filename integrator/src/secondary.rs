@@ -1,6 +1,8 @@
 //! What a gather ray finds: the light that a surface sends back, by direct light there and one look into a photon map or any
 //! other solution for the rest.
 
+use std::iter::zip;
+
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use scene::{Bsdf, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
@@ -90,31 +92,11 @@ pub(crate) struct Follower<'a, S> {
 }
 
 impl<S: Secondary> Follower<'_, S> {
-    /// Radiance that the surface met by `ray` sends back along it, without what it emits, and without light that came there by
+    /// What a surface that was met sends back, without what it emits, and without light that came there by
     /// mirrors or glass alone: that is the caustic of the point that gathers.
-    pub(crate) fn reflected(&self, ray: &Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        self.reflection(ray, surface, sampler, rays).radiance()
-    }
-
-    /// The same by the directions from which it came to that surface.
-    pub(crate) fn reflection(
-        &self,
-        ray: &Ray,
-        surface: Surface,
-        sampler: &mut Sampler,
-        rays: &mut RayCounts,
-    ) -> Reflection {
-        let shading = Shading::new(self.scene, surface, ray.direction);
-        let dark = Turned { lobes: Lobes::ALL, wi: Vec3A::Z, radiance: Vec3::ZERO, irradiance: Vec3::ZERO };
-        let reflection = Reflection { shading, even: Vec3::ZERO, turned: [dark; 2] };
-        let mut answer = Answer { follower: self, reflection, turns: 0, is_turned: false };
-        walk(self.scene, shading, sampler, rays, &mut answer);
-        for Turned { lobes, wi, radiance, irradiance } in &mut answer.reflection.turned {
-            if *radiance != Vec3::ZERO {
-                let f = shading.bsdf.eval(*lobes, shading.wo, *wi);
-                *irradiance = Vec3::select(f.cmpgt(Vec3::ZERO), *radiance / f, Vec3::ZERO);
-            }
-        }
+    pub(crate) fn reflection(&self, met: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Reflection {
+        let mut answer = Answer { follower: self, reflection: Reflection::DARK, turns: 0, is_turned: false };
+        walk(self.scene, met, sampler, rays, &mut answer);
         answer.reflection
     }
 }
@@ -161,7 +143,6 @@ impl<S: Secondary> Visitor for Answer<'_, S> {
 /// What a surface sends back along a ray that met it, apart from what it gives off.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reflection {
-    shading: Shading,
     /// What it sends everywhere.
     even: Vec3,
     /// What it sends along the ray of light that came to it along one direction or the other.
@@ -174,23 +155,35 @@ struct Turned {
     lobes: Lobes,
     wi: Vec3A,
     radiance: Vec3,
-    /// The same over f.
-    irradiance: Vec3,
 }
 
 impl Reflection {
+    /// No light.
+    pub(crate) const DARK: Self =
+        Self { even: Vec3::ZERO, turned: [Turned { lobes: Lobes::ALL, wi: Vec3A::Z, radiance: Vec3::ZERO }; 2] };
+
     /// All that is sent along the ray.
     pub(crate) fn radiance(&self) -> Vec3 {
         self.turned.iter().fold(self.even, |sum, turned| sum + turned.radiance)
     }
 
-    /// What is sent along the unit vector `wo` instead, as far as what came along the ray tells.
-    pub(crate) fn towards(&self, wo: Vec3A) -> Vec3 {
-        let Shading { frame, bsdf, .. } = &self.shading;
-        let wo = frame.to_local(wo);
-        self.turned.iter().fold(self.even, |sum, &Turned { lobes, wi, irradiance, .. }| {
-            if irradiance == Vec3::ZERO { sum } else { sum + bsdf.eval(lobes, wo, wi) * irradiance }
-        })
+    /// Returns what the surface `met` sends along other unit vectors, as far as what came along the ray tells.
+    pub(crate) fn towards(&self, met: &Shading) -> impl Fn(Vec3A) -> Vec3 {
+        let Self { even, turned } = *self;
+        let Shading { frame, bsdf, wo, .. } = *met;
+        let irradiances = turned.map(|Turned { lobes, wi, radiance }| {
+            if radiance == Vec3::ZERO {
+                return Vec3::ZERO;
+            }
+            let f = bsdf.eval(lobes, wo, wi);
+            Vec3::select(f.cmpgt(Vec3::ZERO), radiance / f, Vec3::ZERO)
+        });
+        move |wo| {
+            let wo = frame.to_local(wo);
+            zip(turned, irradiances).fold(even, |sum, (Turned { lobes, wi, .. }, irradiance)| {
+                if irradiance == Vec3::ZERO { sum } else { sum + bsdf.eval(lobes, wo, wi) * irradiance }
+            })
+        }
     }
 }
 

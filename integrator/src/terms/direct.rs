@@ -2,7 +2,7 @@
 //! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
 
 use glam::{UVec2, Vec2, Vec3, Vec3A};
-use scene::{Lights, Lobes, Ray, Scene, Specular, Surface};
+use scene::{Lights, Lobes, Scene, Specular};
 
 use crate::plan::Plan;
 use crate::sampler::Sampler;
@@ -53,24 +53,26 @@ pub(crate) struct Sight {
     /// World frame.
     pub(crate) wi: Vec3A,
     /// `None` for the surroundings.
-    pub(crate) surface: Option<Surface>,
+    pub(crate) met: Option<Shading>,
     /// Straight from a source.
     pub(crate) emitted: Vec3,
     /// From one by way of mirrors and glass alone.
     pub(crate) caustic: Vec3,
     /// All else that is reflected, where the lobe is traced.
-    pub(crate) reflection: Option<Reflection>,
+    pub(crate) reflection: Reflection,
 }
 
 impl Sight {
     /// Radiance that is reflected to the lobe that looked.
     pub(crate) fn reflected(&self) -> Vec3 {
-        self.caustic + self.reflection.as_ref().map_or(Vec3::ZERO, Reflection::radiance)
+        self.caustic + self.reflection.radiance()
     }
 
-    /// Radiance that is reflected to a lobe that looks here along the unit vector `wi`.
-    pub(crate) fn reflected_to(&self, wi: Vec3A) -> Vec3 {
-        self.caustic + self.reflection.as_ref().map_or(Vec3::ZERO, |reflection| reflection.towards(-wi))
+    /// Returns the radiance that is reflected to lobes that look here along other unit vectors.
+    pub(crate) fn reflected_along(&self) -> impl Fn(Vec3A) -> Vec3 {
+        let caustic = self.caustic;
+        let towards = self.met.as_ref().map(|met| self.reflection.towards(met));
+        move |wi| caustic + towards.as_ref().map_or(Vec3::ZERO, |towards| towards(-wi))
     }
 
     /// Returns what a lobe at `p`, which sees this too and looks here with density `pdf`, counts of the light straight from the source beside light sampling.
@@ -78,8 +80,8 @@ impl Sight {
         if self.emitted == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let light_pdf = match &self.surface {
-            Some(surface) => lights.pdf_surface(p, wi, surface),
+        let light_pdf = match &self.met {
+            Some(met) => lights.pdf_surface(p, wi, &met.surface),
             None => lights.pdf_environment(wi),
         };
         mis_weight(pdf, light_pdf) * self.emitted
@@ -191,32 +193,28 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let ray = shading.surface.spawn(wi);
         rays.path += 1;
         let Some(hit) = self.scene.intersect(&ray) else {
-            return Sight {
-                wi,
-                surface: None,
-                emitted: self.scene.background(wi),
-                caustic: Vec3::ZERO,
-                reflection: None,
-            };
+            let emitted = self.scene.background(wi);
+            return Sight { wi, met: None, emitted, caustic: Vec3::ZERO, reflection: Reflection::DARK };
         };
-        let surface = self.scene.surface(&ray, &hit);
-        let emitted = self.scene.emission(&surface) * self.scene.transmittance(&surface);
+        let met = Shading::new(self.scene, self.scene.surface(&ray, &hit), wi);
+        let emitted = self.scene.emission(&met.surface) * self.scene.transmittance(&met.surface);
         let has_caustic = self.scene.features().delta;
-        let caustic = if has_caustic { self.caustic_along(ray, surface, sampler, rays) } else { Vec3::ZERO };
-        let reflection = is_traced(shading, self.plan).then(|| {
+        let caustic = if has_caustic { self.caustic_from(met, sampler, rays) } else { Vec3::ZERO };
+        let reflection = if is_traced(shading, self.plan) {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
-            follower.reflection(&ray, surface, sampler, rays)
-        });
-        Sight { wi, surface: Some(surface), emitted, caustic, reflection }
+            follower.reflection(met, sampler, rays)
+        } else {
+            Reflection::DARK
+        };
+        Sight { wi, met: Some(met), emitted, caustic, reflection }
     }
 
-    /// Radiance of the source at the end of a chain of mirrors and glass that starts at `surface`: L_c along the ray. Black where it
+    /// Radiance of the source at the end of a chain of mirrors and glass that starts at a surface that a ray met: L_c along the ray. Black where it
     /// starts at anything else.
-    fn caustic_along(&self, ray: Ray, surface: Surface, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+    fn caustic_from(&self, mut shading: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
         const MAX_CHAIN: usize = 64;
         let mut sampler = sampler.split();
-        let mut beta = self.scene.transmittance(&surface);
-        let mut shading = Shading::new(self.scene, surface, ray.direction);
+        let mut beta = self.scene.transmittance(&shading.surface);
         for _ in 0..MAX_CHAIN {
             let u = sampler.next_1d();
             if !shading.bsdf.is_delta() {
@@ -285,7 +283,7 @@ pub(crate) fn alpha(shading: &Shading) -> f32 {
 #[cfg(test)]
 mod tests {
     use glam::{UVec2, Vec3, Vec3A};
-    use scene::{Description, Material, Mesh};
+    use scene::{Description, Material, Mesh, Ray};
 
     use super::*;
     use crate::secondary::tests::square;

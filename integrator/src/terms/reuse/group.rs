@@ -27,8 +27,6 @@ pub(super) struct Group<'a> {
 /// What a lobe's sample found.
 pub(super) struct Found {
     sight: Sight,
-    /// About the angle over which the light that is reflected there is the same; `None` where it is the same for all.
-    width: Option<f32>,
     /// The point whose sample it is, and the way, its weight over the number of samples.
     from: usize,
     way: LobeWay,
@@ -44,7 +42,7 @@ pub(super) struct Batch {
 impl Batch {
     /// Where samples met something.
     pub(super) fn hits(&self) -> Vec<Vec3A> {
-        self.found.iter().filter_map(|found| Some(found.sight.surface?.p)).collect()
+        self.found.iter().filter_map(|found| Some(found.sight.met?.surface.p)).collect()
     }
 }
 
@@ -68,8 +66,7 @@ impl Group<'_> {
                 way.weight /= self.count as f32;
                 let sight = direct.look_along(shading, way.wi, &mut sampler, rays);
                 if (way.weight * (sight.emitted + sight.reflected())).is_finite() {
-                    let width = sight.surface.and_then(|surface| width(&direct.scene.bsdf(&surface)));
-                    found.push(Found { sight, width, from, way });
+                    found.push(Found { sight, from, way });
                 } else {
                     *dropped += 1;
                 }
@@ -157,8 +154,10 @@ impl Group<'_> {
         let is_hiding = near as f32 > NEAR_SHARE * other_hits.len() as f32;
         let mut values = vec![Value::default(); shadings.len()];
         for found in found {
-            let is_met_near = |width: f32| found.sight.surface.as_ref().is_some_and(|met| is_near(met.p, width));
-            if is_alone || found.width.is_some_and(|width| is_met_near(GLOSS * width)) {
+            let met = found.sight.met.as_ref();
+            let is_met_near = |width: f32| met.is_some_and(|met| is_near(met.surface.p, width));
+            let gloss = met.and_then(|met| width(&met.bsdf));
+            if is_alone || gloss.is_some_and(|width| is_met_near(GLOSS * width)) {
                 lights[found.from].add(&direct.light_of(&shadings[found.from], &found.way, &found.sight));
             } else if found.sight.emitted + found.sight.reflected() != Vec3::ZERO {
                 self.weigh(direct.scene.lights(), shadings, &found.sight, &mut values);
@@ -172,14 +171,15 @@ impl Group<'_> {
 
     /// Finds what each point makes of what one sample saw.
     fn weigh(&self, sources: &Lights, shadings: &[Shading], sight: &Sight, values: &mut [Value]) {
+        let reflected_along = sight.reflected_along();
         for (Shading { surface, frame, bsdf, wo }, value) in zip(shadings, values) {
             *value = Value::default();
             // From solid angles to areas of the surface that was met; the surroundings are met in the same direction.
-            let (wi, area) = sight.surface.map_or((sight.wi, 1.0), |met| {
-                let way = met.p - surface.p;
+            let (wi, area) = sight.met.as_ref().map_or((sight.wi, 1.0), |met| {
+                let way = met.surface.p - surface.p;
                 let distance_sq = way.length_squared();
                 let wi = way / distance_sq.sqrt();
-                (wi, -met.ng.dot(wi) / distance_sq)
+                (wi, -met.surface.ng.dot(wi) / distance_sq)
             });
             let local = frame.to_local(wi);
             let (f, pdf) = bsdf.eval_pdf(Lobes::SPECULAR, *wo, local);
@@ -189,7 +189,7 @@ impl Group<'_> {
             }
             let weight = f * (local.z * area);
             let emitted = sight.emitted_to(sources, surface.p, wi, pdf);
-            let light = Light { direct: weight * emitted, specular: weight * sight.reflected_to(wi) };
+            let light = Light { direct: weight * emitted, specular: weight * reflected_along(wi) };
             *value = Value { density: self.density(pdf, local) * area, light };
         }
     }
@@ -206,8 +206,10 @@ impl Group<'_> {
                 continue;
             }
             // It ends where a ray from there would start.
-            let ray =
-                sight.surface.map_or_else(|| surface.spawn(sight.wi), |met| surface.spawn_to(met.spawn(met.ng).origin));
+            let ray = match &sight.met {
+                Some(met) => surface.spawn_to(met.surface.spawn(met.surface.ng).origin),
+                None => surface.spawn(sight.wi),
+            };
             rays.shadow += 1;
             asked += 1;
             if scene.occluded(&ray) {
