@@ -51,6 +51,8 @@ pub(crate) struct Plan {
     pub(crate) global_photons: u32,
     /// Photons to shoot into the caustic map, 0 where nothing refracts or mirrors.
     pub(crate) caustic_photons: u32,
+    /// Photons in the disc over which each of them spreads its flux.
+    pub(crate) caustic_neighbours: u32,
     /// Rays to spend on the links of cells, 0 where there are none.
     pub(crate) cell_rays: u32,
     /// Gather rays of each probe that finds cells.
@@ -108,7 +110,10 @@ impl Plan {
             (false, _) => 2,
         });
         let (first_spp, budget) = primary_samples(settings, light_count >= MANY_LIGHTS);
-        let photons = study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt(), 20_000.0, 10_000_000.0));
+        // Their noise is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
+        let finer = quality.max(1.0).sqrt();
+        let photons =
+            study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt() * finer, 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
         // Links that end in a window, or at a lamp by way of gloss, are few and bright.
@@ -156,6 +161,7 @@ impl Plan {
             verify_side: study.verify.unwrap_or(2),
             global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { photons } else { 0 },
             caustic_photons: if lit && features.delta { photons } else { 0 },
+            caustic_neighbours: round(80.0 * finer.powf(4.0 / 3.0), 80.0, 400.0),
             cell_rays: if features.diffuse && secondary == SecondaryKind::Cells {
                 round(links * quality.powf(0.75), 50_000.0, 50_000_000.0)
             } else {

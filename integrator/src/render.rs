@@ -136,6 +136,7 @@ fn shoot(
             caustic: plan.caustic_photons > 0,
             count: plan.global_photons,
             caustic_count: plan.caustic_photons,
+            caustic_neighbours: plan.caustic_neighbours,
             seed: hash_pair(settings.seed, PHOTON_STREAM),
             ..PhotonSettings::default()
         },
