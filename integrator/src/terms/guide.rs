@@ -14,7 +14,7 @@
 //! Vorba et al. 2014, "On-line learning of parametric mixture models for light transport simulation", for guides learnt beforehand; Rath et al. 2020,
 //! "Variance-aware path guiding", for the root of the second moment.
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{USizeVec2, UVec2, Vec2, Vec3A};
 use rayon::prelude::*;
@@ -145,7 +145,7 @@ pub(crate) struct Guide {
     /// Sums of the probabilities of the rows up to each, and of its cells within each row.
     rows: [f32; BINS],
     cells: [[f32; BINS]; BINS],
-    /// Density over the square in each cell.
+    /// Density in each cell over the projected hemisphere, whose area is pi.
     density: [f32; BINS * BINS],
 }
 
@@ -160,7 +160,7 @@ impl Guide {
         let mut guide = Self {
             rows: [0.0; BINS],
             cells: [[0.0; BINS]; BINS],
-            density: weights.map(|weight| weight / total * (BINS * BINS) as f32),
+            density: weights.map(|weight| weight / total * ((BINS * BINS) as f32 * FRAC_1_PI)),
         };
         let mut below = 0.0;
         for (row, weights) in weights.chunks_exact(BINS).enumerate() {
@@ -186,7 +186,7 @@ impl Guide {
 
     /// Returns the density of `sample` at a local direction, per steradian.
     pub(crate) fn pdf(&self, wi: Vec3A) -> f32 {
-        self.density[bin(wi)] * wi.z.max(0.0) / PI
+        self.density[bin(wi)] * wi.z.max(0.0)
     }
 }
 
@@ -219,7 +219,8 @@ mod tests {
     #[test]
     fn samples_follow_the_density() {
         let guide = guide(1);
-        let mean = guide.density.iter().sum::<f32>() / (BINS * BINS) as f32;
+        let over_square = guide.density.map(|density| density * PI);
+        let mean = over_square.iter().sum::<f32>() / (BINS * BINS) as f32;
         assert!((mean - 1.0).abs() < 1e-5, "a density, {mean}");
         let mut counts = [0u32; BINS * BINS];
         let side = 512;
@@ -227,10 +228,10 @@ mod tests {
             let u = (Vec2::new((number % side) as f32, (number / side) as f32) + 0.5) / side as f32;
             let wi = guide.sample(u);
             counts[bin(wi)] += 1;
-            let pdf = guide.density[bin(wi)] * wi.z / PI;
+            let pdf = over_square[bin(wi)] * wi.z / PI;
             assert!(pdf > 0.0 && (guide.pdf(wi) / pdf - 1.0).abs() < 1e-5, "nowhere that it cannot know of: {wi}");
         }
-        for (count, density) in counts.iter().zip(guide.density) {
+        for (count, density) in counts.iter().zip(over_square) {
             let share = *count as f32 / (side * side) as f32 * (BINS * BINS) as f32;
             // Points on the borders of cells may be counted in the next one.
             assert!((share - density).abs() < 0.02 * density + 0.02, "{share} instead of {density}");
