@@ -397,7 +397,7 @@ pub(crate) mod tests {
     }
 
     /// A lamp of 0.4 m x 0.4 m at a height of 1 m over a floor of metal.
-    fn lamp_over_metal(alpha: f32) -> Scene {
+    pub(crate) fn lamp_over_metal(alpha: f32) -> Scene {
         let mesh = Mesh {
             positions: [square(5.0, 0.0), square(0.2, 1.0)].concat(),
             triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],

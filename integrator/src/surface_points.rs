@@ -215,7 +215,9 @@ impl<S: Secondary> Primary<'_, S> {
         add_emission(terms, bounces, beta * self.scene.emission(&surface));
         if bsdf.has_diffuse() || bsdf.has_glossy() {
             let shares_lobe = bounces == 0 && is_shared(&shading, self.plan);
-            let light = self.direct_term().sample(&shading, position, shares_lobe, sampler, &mut found.rays);
+            // What little light comes by, as by reflection in glass, needs few rays.
+            let lobe_share = (!shares_lobe).then(|| beta.max_element().min(1.0));
+            let light = self.direct_term().sample(&shading, position, lobe_share, sampler, &mut found.rays);
             if bounces == 0 {
                 terms.direct += beta * light.direct;
             } else {

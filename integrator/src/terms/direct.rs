@@ -97,12 +97,12 @@ impl Light {
 
 impl<S: Secondary> DirectTerm<'_, S> {
     /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for the diffuse lobe, not for the
-    /// glossy one, which is left to neighbours if it `shares_lobe`.
+    /// glossy one, which takes a share of its usual rays, up to 1, or is left to neighbours.
     pub(crate) fn sample(
         &self,
         shading: &Shading,
         position: UVec2,
-        shares_lobe: bool,
+        lobe_share: Option<f32>,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Light {
@@ -119,8 +119,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
         }
-        if shading.bsdf.has_glossy() && !shares_lobe {
-            self.add_lobe(shading, position, sampler, rays, &mut light);
+        if let Some(share) = lobe_share.filter(|_| shading.bsdf.has_glossy()) {
+            self.add_lobe(shading, position, share, sampler, rays, &mut light);
         }
         light
     }
@@ -130,11 +130,13 @@ impl<S: Secondary> DirectTerm<'_, S> {
         &self,
         shading: &Shading,
         position: UVec2,
+        share: f32,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
         light: &mut Light,
     ) {
-        let count = lobe_rays(shading, self.plan);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the usual number")]
+        let count = ((lobe_rays(shading, self.plan) as f32 * share).ceil() as u32).max(1);
         let guide = self.guide.filter(|_| is_guided(shading, self.plan));
         let guide = guide.and_then(|guide| guide.at(position, shading.surface.n));
         let guided = if guide.is_some() { count / 2 } else { 0 };
@@ -214,6 +216,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
     fn caustic_from(&self, met: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
         /// Surfaces of a chain from which both ways are followed: one chosen by its share would find a lamp that glass mirrors seldom, and then all of it.
         const SPLITS: usize = 2;
+        /// Ways beyond the first surface that carry less are followed as seldom as they carry less, for glass may keep them long.
+        const MIN_THROUGHPUT: f32 = 0.2;
         const MAX_CHAIN: usize = 64;
         if !met.bsdf.is_delta() {
             return Vec3::ZERO;
@@ -232,7 +236,14 @@ impl<S: Secondary> DirectTerm<'_, S> {
                 if !shading.leaves(wi, way.wi) {
                     continue;
                 }
-                let beta = beta * way.weight;
+                let mut beta = beta * way.weight;
+                let survival = if length == 0 { 1.0 } else { beta.max_element() / MIN_THROUGHPUT };
+                if survival < 1.0 {
+                    if sampler.next_1d() >= survival {
+                        continue;
+                    }
+                    beta /= survival;
+                }
                 let ray = shading.surface.spawn(wi);
                 rays.path += 1;
                 let Some(hit) = self.scene.intersect(&ray) else {
@@ -240,7 +251,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
                     continue;
                 };
                 let surface = self.scene.surface(&ray, &hit);
-                let beta = beta * self.scene.transmittance(&surface);
+                beta *= self.scene.transmittance(&surface);
                 sum += beta * self.scene.emission(&surface);
                 let next = Shading::new(self.scene, surface, wi);
                 if next.bsdf.is_delta() && length + 1 < MAX_CHAIN {
@@ -300,11 +311,36 @@ mod tests {
     use scene::{Description, Material, Mesh, Ray, SpecularKind, fresnel_dielectric};
 
     use super::*;
-    use crate::secondary::tests::square;
+    use crate::secondary::tests::{lamp_over_metal, square};
     use crate::{NoSecondary, Settings};
 
     fn term<'a>(scene: &'a Scene, plan: &'a Plan) -> DirectTerm<'a, NoSecondary> {
         DirectTerm { scene, plan, secondary: &NoSecondary, sky: None, guide: None, light_guide: None }
+    }
+
+    #[test]
+    fn a_share_of_a_lobes_rays_finds_its_light() {
+        let scene = lamp_over_metal(0.3);
+        let plan = Plan::new(&scene, &Settings::default());
+        let term = term(&scene, &plan);
+        let ray = Ray::new(Vec3A::new(0.5, 0.5, 0.0), Vec3A::new(-0.6, -0.8, 0.0));
+        let shading = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
+        // Mean and the variance of it, and rays.
+        let found = |share: f32| {
+            let mut rays = RayCounts::default();
+            let values: Vec<f64> = (0..2000)
+                .map(|pixel| {
+                    let mut sampler = Sampler::new(1, pixel, 0);
+                    let light = term.sample(&shading, UVec2::ZERO, Some(share), &mut sampler, &mut rays);
+                    f64::from(light.direct.x)
+                })
+                .collect();
+            let mean = values.iter().sum::<f64>() / 2000.0;
+            (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 1999.0 / 2000.0, rays.path)
+        };
+        let (usual, few) = (found(1.0), found(0.1));
+        assert!((usual.0 - few.0).abs() < 4.0 * (usual.1 + few.1).sqrt(), "{} instead of {}", few.0, usual.0);
+        assert!(5 * few.2 < usual.2, "{} rays, {} usually", few.2, usual.2);
     }
 
     #[test]
@@ -358,7 +394,7 @@ mod tests {
             let values: Vec<f64> = (0..400)
                 .map(|pixel| {
                     let mut sampler = Sampler::new(1, pixel, 0);
-                    let light = term.sample(&shading, UVec2::ZERO, false, &mut sampler, &mut RayCounts::default());
+                    let light = term.sample(&shading, UVec2::ZERO, Some(1.0), &mut sampler, &mut RayCounts::default());
                     f64::from(light.direct.x)
                 })
                 .collect();
