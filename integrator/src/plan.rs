@@ -110,10 +110,11 @@ impl Plan {
             (false, _) => 2,
         });
         let (first_spp, budget) = primary_samples(settings, light_count >= MANY_LIGHTS);
-        // Their noise is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
+        // The noise of caustics is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
         let finer = quality.max(1.0).sqrt();
-        let photons =
-            study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt() * finer, 20_000.0, 10_000_000.0));
+        let shot = |factor: f32| {
+            study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt() * factor, 20_000.0, 10_000_000.0))
+        };
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
         // Links that end in a window, or at a lamp by way of gloss, are few and bright.
@@ -159,8 +160,8 @@ impl Plan {
                 doubt: study.doubt != Some(false),
             },
             verify_side: study.verify.unwrap_or(2),
-            global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { photons } else { 0 },
-            caustic_photons: if lit && features.delta { photons } else { 0 },
+            global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { shot(1.0) } else { 0 },
+            caustic_photons: if lit && features.delta { shot(finer) } else { 0 },
             caustic_neighbours: round(80.0 * finer.powf(4.0 / 3.0), 80.0, 400.0),
             cell_rays: if features.diffuse && secondary == SecondaryKind::Cells {
                 round(links * quality.powf(0.75), 50_000.0, 50_000_000.0)

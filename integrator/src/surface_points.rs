@@ -111,6 +111,8 @@ const PLANE_TOLERANCE: f32 = 0.01;
 struct Branch {
     ray: Ray,
     beta: Vec3,
+    /// The part of `beta` by which radiance changes in glass.
+    radiance_scale: f32,
     chain: u64,
     /// Mirrors and boundaries passed.
     bounces: u32,
@@ -164,6 +166,7 @@ impl<S: Secondary> Primary<'_, S> {
             let mut stack = vec![Branch {
                 ray: self.scene.camera_ray(film, self.size),
                 beta: Vec3::ONE,
+                radiance_scale: 1.0,
                 chain: 0,
                 bounces: 0,
                 length: 0.0,
@@ -216,7 +219,7 @@ impl<S: Secondary> Primary<'_, S> {
         if bsdf.has_diffuse() || bsdf.has_glossy() {
             let shares_lobe = bounces == 0 && is_shared(&shading, self.plan);
             // What little light comes by, as by reflection in glass, needs few rays.
-            let lobe_share = (!shares_lobe).then(|| beta.max_element().min(1.0));
+            let lobe_share = (!shares_lobe).then(|| beta.max_element() / branch.radiance_scale);
             let light = self.direct_term().sample(&shading, position, lobe_share, sampler, &mut found.rays);
             if bounces == 0 {
                 terms.direct += beta * light.direct;
@@ -299,6 +302,7 @@ impl<S: Secondary> Primary<'_, S> {
             stack.push(Branch {
                 ray: shading.surface.spawn(wi),
                 beta,
+                radiance_scale: from.radiance_scale * sample.radiance_scale,
                 chain: hash_pair(from.chain, 1 + way as u64),
                 bounces: from.bounces + 1,
                 length: from.length,

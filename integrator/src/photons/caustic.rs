@@ -23,7 +23,7 @@ use super::shoot::Photons;
 
 /// The limit of a disc's radius, in medians: most photons are in a focus, and those far from it must not become specks.
 const RADIUS_LIMIT: f32 = 64.0;
-/// Discs in a leaf of the tree; they have one radius.
+/// Discs in a leaf of the tree.
 const LEAF: usize = 8;
 
 /// A photon and its disc.
@@ -139,7 +139,7 @@ fn measure(discs: &mut [Disc], tree: &ImmutableKdTree<f32, 3>, neighbours: u32, 
 
 /// The part of [`measure`] that a subtree can do alone.
 fn measure_near(discs: &mut [Disc], tree: &ImmutableKdTree<f32, 3>, neighbours: usize, max_radius: Option<f32>) {
-    // A tenth of a disc's neighbours, so that the work does not grow with their number.
+    // More leaves to a search for more neighbours, so that the work hardly grows with their number.
     if let Some(middle) = middle(discs.len())
         && discs.len() > neighbours / 10
     {

@@ -1,6 +1,7 @@
 //! The first term of eq. 7: light that comes straight from the sources, by light sampling with MIS; and with the same ray through
 //! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
 
+use arrayvec::ArrayVec;
 use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{Lights, Lobes, Scene, Specular};
 
@@ -135,9 +136,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         rays: &mut RayCounts,
         light: &mut Light,
     ) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the usual number")]
-        let count = ((lobe_rays(shading, self.plan) as f32 * share).ceil() as u32).max(1);
-        let guide = self.guide.filter(|_| is_guided(shading, self.plan));
+        let count = lobe_rays(shading, share, self.plan);
+        let guide = self.guide.filter(|_| is_guided(shading, share, self.plan));
         let guide = guide.and_then(|guide| guide.at(position, shading.surface.n));
         let guided = if guide.is_some() { count / 2 } else { 0 };
         // Density of all samples together.
@@ -216,7 +216,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
     fn caustic_from(&self, met: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
         /// Surfaces of a chain from which both ways are followed: one chosen by its share would find a lamp that glass mirrors seldom, and then all of it.
         const SPLITS: usize = 2;
-        /// Ways beyond the first surface that carry less are followed as seldom as they carry less, for glass may keep them long.
+        /// Ways behind the first surface that carry less are followed as seldom as they carry less, for glass may keep them long.
         const MIN_THROUGHPUT: f32 = 0.2;
         const MAX_CHAIN: usize = 64;
         if !met.bsdf.is_delta() {
@@ -224,8 +224,10 @@ impl<S: Secondary> DirectTerm<'_, S> {
         }
         let mut sampler = sampler.split();
         let mut sum = Vec3::ZERO;
-        let mut stack = vec![(met, self.scene.transmittance(&met.surface), 0)];
-        while let Some((shading, beta, length)) = stack.pop() {
+        // Where chains go on: the throughput, the part of it by which radiance changes in glass, the number of surfaces.
+        let mut stack = ArrayVec::<(Shading, Vec3, f32, usize), { SPLITS + 1 }>::new();
+        stack.push((met, self.scene.transmittance(&met.surface), 1.0, 0));
+        while let Some((shading, beta, radiance_scale, length)) = stack.pop() {
             let ways = if length < SPLITS {
                 shading.bsdf.delta_branches(shading.wo)
             } else {
@@ -237,8 +239,10 @@ impl<S: Secondary> DirectTerm<'_, S> {
                     continue;
                 }
                 let mut beta = beta * way.weight;
-                let survival = if length == 0 { 1.0 } else { beta.max_element() / MIN_THROUGHPUT };
-                if survival < 1.0 {
+                let radiance_scale = radiance_scale * way.radiance_scale;
+                let strength = beta.max_element() / radiance_scale;
+                if length > 0 && strength < MIN_THROUGHPUT {
+                    let survival = strength / MIN_THROUGHPUT;
                     if sampler.next_1d() >= survival {
                         continue;
                     }
@@ -255,7 +259,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
                 sum += beta * self.scene.emission(&surface);
                 let next = Shading::new(self.scene, surface, wi);
                 if next.bsdf.is_delta() && length + 1 < MAX_CHAIN {
-                    stack.push((next, beta, length + 1));
+                    stack.push((next, beta, radiance_scale, length + 1));
                 }
             }
         }
@@ -278,26 +282,28 @@ pub(crate) fn is_traced(shading: &Shading, plan: &Plan) -> bool {
 }
 
 /// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the reflected light, or so narrow that it
-/// sees about the same everywhere; one for the lamps alone where a texture has the rest.
-pub(crate) fn lobe_rays(shading: &Shading, plan: &Plan) -> u32 {
+/// sees about the same everywhere, and of these a `share` for a sample of which little comes to the eye; one for the lamps alone where a texture has the rest.
+pub(crate) fn lobe_rays(shading: &Shading, share: f32, plan: &Plan) -> u32 {
     /// From this width on a lobe takes its full number.
     const FULL_ALPHA: f32 = 0.1;
     if !is_traced(shading, plan) {
         return 1;
     }
-    let share = shading.bsdf.specular_probability(Lobes::ALL, shading.wo) * (alpha(shading) / FULL_ALPHA).min(1.0);
+    let needed = shading.bsdf.specular_probability(Lobes::ALL, shading.wo) * (alpha(shading) / FULL_ALPHA).min(1.0);
+    // A power of two, for samples of a pixel are stratified together where they take the same number.
+    let share = share.min(1.0).log2().ceil().exp2();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
-    let count = (plan.lobe_rays as f32 * share).ceil() as u32;
+    let count = (plan.lobe_rays as f32 * needed * share).ceil() as u32;
     count.max(1)
 }
 
 /// Whether a glossy lobe is traced with enough rays to share them with a guide, and is wide enough for its cells.
-pub(crate) fn is_guided(shading: &Shading, plan: &Plan) -> bool {
+pub(crate) fn is_guided(shading: &Shading, share: f32, plan: &Plan) -> bool {
     /// About half the width of a cell, radians.
     const MIN_ALPHA: f32 = 0.08;
     const MIN_RAYS: u32 = 4;
     let is_wide = alpha(shading) >= MIN_ALPHA;
-    plan.learners > 0 && is_wide && is_traced(shading, plan) && lobe_rays(shading, plan) >= MIN_RAYS
+    plan.learners > 0 && is_wide && is_traced(shading, plan) && lobe_rays(shading, share, plan) >= MIN_RAYS
 }
 
 /// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.
@@ -320,10 +326,11 @@ mod tests {
 
     #[test]
     fn a_share_of_a_lobes_rays_finds_its_light() {
-        let scene = lamp_over_metal(0.3);
+        let scene = lamp_over_metal(0.1);
         let plan = Plan::new(&scene, &Settings::default());
         let term = term(&scene, &plan);
-        let ray = Ray::new(Vec3A::new(0.5, 0.5, 0.0), Vec3A::new(-0.6, -0.8, 0.0));
+        // Its mirrored ray meets the lamp.
+        let ray = Ray::new(Vec3A::new(1.5, 1.0, 0.0), Vec3A::new(-0.6, -0.8, 0.0));
         let shading = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
         // Mean and the variance of it, and rays.
         let found = |share: f32| {
@@ -344,29 +351,39 @@ mod tests {
     }
 
     #[test]
-    fn glass_shows_gloss_its_lamp_in_every_sample() {
-        // A look straight down at glass over which a lamp hangs.
-        let mesh = Mesh {
-            positions: [square(5.0, 0.0), square(0.2, 1.0)].concat(),
-            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
-            materials: vec![0, 0, 1, 1],
-            ..Mesh::default()
-        };
+    fn gloss_sees_a_lamp_mirrored_in_glass() {
+        // A look straight down at glass, of one face or of two, over which a lamp hangs.
         let kind = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::ZERO, priority: 0 };
         let glass = Material { diffuse: Vec3::ZERO, specular: kind, ..Material::default() };
         let lit = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
-        let scene =
-            Scene::new(Description { meshes: vec![mesh], materials: vec![glass, lit], ..Description::default() })
-                .unwrap();
-        let plan = Plan::new(&scene, &Settings::default());
-        let term = term(&scene, &plan);
-        let ray = Ray::new(Vec3A::new(0.0, 0.9, 0.0), Vec3A::NEG_Y);
-        let met = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
-        for number in 0..20 {
-            let mut sampler = Sampler::new(1, number, 0);
-            let light = term.caustic_from(met, &mut sampler, &mut RayCounts::default());
-            assert!((light.x - fresnel_dielectric(1.0, 1.5)).abs() < 1e-6, "{light} is not the reflection");
-        }
+        let seen = |faces: usize| -> Vec<f32> {
+            // The lamp and the lower face look down.
+            let mut triangles = vec![[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6], [8, 9, 10], [8, 10, 11]];
+            triangles.truncate(2 + 2 * faces);
+            let mesh = Mesh {
+                positions: [square(0.2, 1.0), square(5.0, 0.0), square(5.0, -0.1)].concat(),
+                materials: [vec![1, 1], vec![0; 2 * faces]].concat(),
+                triangles,
+                ..Mesh::default()
+            };
+            let materials = vec![glass.clone(), lit.clone()];
+            let scene = Scene::new(Description { meshes: vec![mesh], materials, ..Description::default() }).unwrap();
+            let plan = Plan::new(&scene, &Settings::default());
+            let term = term(&scene, &plan);
+            let ray = Ray::new(Vec3A::new(0.0, 0.9, 0.0), Vec3A::NEG_Y);
+            let met = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
+            let sample = |number| term.caustic_from(met, &mut Sampler::new(1, number, 0), &mut RayCounts::default()).x;
+            (0..4000).map(sample).collect()
+        };
+        let r = fresnel_dielectric(1.0, 1.5);
+        assert!(seen(1).into_iter().all(|light| (light - r).abs() < 1e-6), "one face in every sample");
+        // All orders between the two faces.
+        let pane = seen(2);
+        let mean = pane.iter().sum::<f32>() / 4000.0;
+        let expected = 2.0 * r / (1.0 + r);
+        assert!((mean / expected - 1.0).abs() < 0.05, "{mean} by two, not {expected}");
+        let brightest = pane.into_iter().fold(0.0, f32::max);
+        assert!(brightest < 8.0 * r, "no dots: {brightest}");
     }
 
     #[test]

@@ -97,7 +97,7 @@ fn learner<S: Secondary>(
     rays.camera += 1;
     let Some(hit) = direct.scene.intersect(&ray) else { return lessons };
     let shading = Shading::new(direct.scene, direct.scene.surface(&ray, &hit), ray.direction);
-    if !is_guided(&shading, direct.plan) {
+    if !is_guided(&shading, 1.0, direct.plan) {
         return lessons;
     }
     let tile = tile(film, size, shading.surface.n);

@@ -42,7 +42,7 @@ pub(super) struct Batch {
 impl Batch {
     /// Where samples met something.
     pub(super) fn hits(&self) -> Vec<Vec3A> {
-        self.found.iter().filter_map(|found| Some(found.sight.met?.surface.p)).collect()
+        self.found.iter().filter_map(|found| Some(found.sight.met.as_ref()?.surface.p)).collect()
     }
 }
 
