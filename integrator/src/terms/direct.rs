@@ -318,6 +318,7 @@ mod tests {
 
     use super::*;
     use crate::secondary::tests::{lamp_over_metal, square};
+    use crate::terms::reuse::tests::{mean, variance};
     use crate::{NoSecondary, Settings};
 
     fn term<'a>(scene: &'a Scene, plan: &'a Plan) -> DirectTerm<'a, NoSecondary> {
@@ -342,8 +343,7 @@ mod tests {
                     f64::from(light.direct.x)
                 })
                 .collect();
-            let mean = values.iter().sum::<f64>() / 2000.0;
-            (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 1999.0 / 2000.0, rays.path)
+            (mean(&values), variance(&values) / 2000.0, rays.path)
         };
         let (usual, few) = (found(1.0), found(0.1));
         assert!((usual.0 - few.0).abs() < 4.0 * (usual.1 + few.1).sqrt(), "{} instead of {}", few.0, usual.0);
@@ -415,9 +415,9 @@ mod tests {
                     f64::from(light.direct.x)
                 })
                 .collect();
-            let mean = values.iter().sum::<f64>() / 400.0;
+            let mean = mean(&values);
             assert!(mean > 0.0, "half of the lamps is seen");
-            values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 399.0 / (mean * mean)
+            variance(&values) / (mean * mean)
         };
         // The noise of the choice alone falls with the square of the number. Points that are independent on each lamp would still have the variance of half a
         // lamp, 1 relative, over 64.

@@ -254,7 +254,7 @@ impl<'a> Tile<'a> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use scene::{Camera, Description, Material, Mesh, NO_INDEX, Scene, SpecularKind};
 
     use super::*;
@@ -318,11 +318,11 @@ mod tests {
         rays: f64,
     }
 
-    fn mean(values: &[f64]) -> f64 {
+    pub(crate) fn mean(values: &[f64]) -> f64 {
         values.iter().sum::<f64>() / values.len() as f64
     }
 
-    fn variance(values: &[f64]) -> f64 {
+    pub(crate) fn variance(values: &[f64]) -> f64 {
         let mean = mean(values);
         values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64
     }
