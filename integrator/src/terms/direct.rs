@@ -137,7 +137,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         light: &mut Light,
     ) {
         let count = lobe_rays(shading, share, self.plan);
-        let guide = self.guide.filter(|_| is_guided(shading, share, self.plan));
+        let guide = self.guide.filter(|_| is_guided(shading, count, self.plan));
         let guide = guide.and_then(|guide| guide.at(position, shading.surface.n));
         let guided = if guide.is_some() { count / 2 } else { 0 };
         // Density of all samples together.
@@ -297,13 +297,12 @@ pub(crate) fn lobe_rays(shading: &Shading, share: f32, plan: &Plan) -> u32 {
     count.max(1)
 }
 
-/// Whether a glossy lobe is traced with enough rays to share them with a guide, and is wide enough for its cells.
-pub(crate) fn is_guided(shading: &Shading, share: f32, plan: &Plan) -> bool {
+/// Whether a glossy lobe is traced with so many rays, see [`lobe_rays`], that it shares them with a guide, and is wide enough for its cells.
+pub(crate) fn is_guided(shading: &Shading, count: u32, plan: &Plan) -> bool {
     /// About half the width of a cell, radians.
     const MIN_ALPHA: f32 = 0.08;
     const MIN_RAYS: u32 = 4;
-    let is_wide = alpha(shading) >= MIN_ALPHA;
-    plan.learners > 0 && is_wide && is_traced(shading, plan) && lobe_rays(shading, share, plan) >= MIN_RAYS
+    plan.learners > 0 && alpha(shading) >= MIN_ALPHA && count >= MIN_RAYS
 }
 
 /// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.

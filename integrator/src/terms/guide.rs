@@ -19,7 +19,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use glam::{USizeVec2, UVec2, Vec2, Vec3A};
 use rayon::prelude::*;
 
-use super::direct::{DirectTerm, is_guided};
+use super::direct::{DirectTerm, is_guided, lobe_rays};
 use super::tiles::{self, NEAR, around, inside, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Secondary, Shading};
@@ -97,7 +97,7 @@ fn learner<S: Secondary>(
     rays.camera += 1;
     let Some(hit) = direct.scene.intersect(&ray) else { return lessons };
     let shading = Shading::new(direct.scene, direct.scene.surface(&ray, &hit), ray.direction);
-    if !is_guided(&shading, 1.0, direct.plan) {
+    if !is_guided(&shading, lobe_rays(&shading, 1.0, direct.plan), direct.plan) {
         return lessons;
     }
     let tile = tile(film, size, shading.surface.n);

@@ -162,12 +162,13 @@ fn groups<'a, S: Secondary>(
             group.points.push((pixel, point));
             continue;
         }
-        let guide = direct.guide.filter(|_| is_guided(&point.shading, 1.0, direct.plan));
+        let count = lobe_rays(&point.shading, 1.0, direct.plan);
+        let guide = direct.guide.filter(|_| is_guided(&point.shading, count, direct.plan));
         groups.push(Group {
             points: vec![(pixel, point)],
             corners: 0,
             guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
-            count: lobe_rays(&point.shading, 1.0, direct.plan).next_power_of_two().clamp(2, BATCH),
+            count: count.next_power_of_two().clamp(2, BATCH),
             parallax: direct.plan.lobe_parallax,
         });
     }
