@@ -95,6 +95,11 @@ impl Extent {
         if common.is_empty() { Self::EMPTY } else { common }
     }
 
+    /// Returns half the diagonal of a finite box, 0 of another.
+    pub(crate) fn reach(&self) -> f64 {
+        if self.is_finite() { 0.5 * (self.max - self.min).length() } else { 0.0 }
+    }
+
     /// Returns the box moved by `offset`, widened by the rounding of the move.
     pub(crate) fn moved(&self, offset: DVec3) -> Self {
         let pad = offset.abs() * f64::EPSILON;

@@ -171,6 +171,23 @@ fn no_ray_that_restarts_on_a_surface_gets_to_the_wrong_side() {
 }
 
 #[test]
+fn a_hit_rounded_in_the_size_of_its_ray_is_a_start_on_the_surface() {
+    // The hit is a twentieth from the form's origin, its rounding that of a ray from 4.6 away: the restart saw the surface again at t = 4.4e-16.
+    let [xx, yy, zz] = [-21.599598846975926, -1.292914684928162, -2.5908580944775124];
+    let [x, y, one] = [4.9161163737048685, -0.23564088569316774, 0.7095335503359023];
+    let base = Quadric::new([xx, yy, zz, 0.0, 0.0, 0.0, x, y, 0.0, one]).unwrap();
+    let solid = Solid::from(FreeForm::new(base, vec![]).unwrap());
+    let origin = DVec3::new(-2.940248951731499, -1.8458084365067702, 2.99511861534917);
+    let aim = DVec3::new(-0.034715929222774035, 0.017868139126088808, -0.058688881402760684);
+    let ray = Ray::new(origin, aim - origin);
+    let p = ray.at(solid.first_hit(&ray).expect("aimed at the form").t);
+    let n = solid.normal(p, ray.direction);
+    assert_eq!(solid.first_hit(&Ray::new(p, n)), None, "outwards there is nothing");
+    let back = solid.first_hit(&Ray::new(p, -n));
+    assert!(back.is_some_and(|c| !c.entering && c.t > 0.01), "inwards {back:?}");
+}
+
+#[test]
 fn limits_are_refused() {
     assert_eq!(Solid::union(Psi::Maximum, vec![]), Err(FormError::Empty("union")), "a union of nothing");
     let mut nested = Solid::from(FreeForm::new(Quadric::sphere(DVec3::ZERO, 1.0).unwrap(), vec![]).unwrap());
