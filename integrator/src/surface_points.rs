@@ -157,13 +157,14 @@ impl<S: Secondary> Primary<'_, S> {
     /// no cache, and its surface points.
     pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
+        let mut stack = Vec::new();
         for number in found.samples..samples {
             let mut sampler = Sampler::new(self.seed, key, number);
             let place = sampler.next_pair();
             let film = position.as_vec2() + place;
             let mut terms = Terms::default();
             let mut diffuse = Vec3::ZERO;
-            let mut stack = vec![Branch {
+            stack.push(Branch {
                 ray: self.scene.camera_ray(film, self.size),
                 beta: Vec3::ONE,
                 radiance_scale: 1.0,
@@ -171,7 +172,7 @@ impl<S: Secondary> Primary<'_, S> {
                 bounces: 0,
                 length: 0.0,
                 off_middle: place.distance_squared(Vec2::splat(0.5)),
-            }];
+            });
             found.rays.camera += 1;
             let mut branch_number = 0;
             while let Some(branch) = stack.pop() {
