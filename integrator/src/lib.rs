@@ -6,6 +6,7 @@ pub mod metrics;
 mod allocation;
 mod asked_error;
 mod cells;
+mod delta_ways;
 mod explain;
 mod film;
 mod four_terms;

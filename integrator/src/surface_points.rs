@@ -5,6 +5,7 @@ use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{Hit, Ray, Scene, Surface};
 
 use crate::allocation::SampleNoise;
+use crate::delta_ways::{Way, delta_ways};
 use crate::film::{FirstHit, PixelSum, Terms, guide_albedo};
 use crate::plan::Plan;
 use crate::sampler::{Sampler, hash_pair};
@@ -264,50 +265,18 @@ impl<S: Secondary> Primary<'_, S> {
         stack: &mut Vec<Branch>,
         rays: &mut RayCounts,
     ) {
-        let branches = shading.bsdf.delta_branches(shading.wo);
-        let strength = branches.map(|b| b.map_or(0.0, |b| (b.weight * beta).max_element()));
-        let total = strength[0] + strength[1];
-        if total <= 0.0 {
-            return;
-        }
-        let u = sampler.next_pair();
-        let split = from.bounces < MAX_SPLITS;
-        let first = strength[0] / total;
-        for (way, sample) in branches.into_iter().enumerate() {
-            let Some(sample) = sample else { continue };
-            // The chance of going this way, and what that makes of its weight.
-            let chance = if split {
-                1.0
-            } else if way == 0 {
-                first
-            } else {
-                1.0 - first
-            };
-            let chosen = split || (u.x < first) == (way == 0);
-            if !chosen || chance <= 0.0 {
-                continue;
-            }
-            let mut beta = beta * sample.weight / chance;
-            let limit = if from.bounces < LONG_CHAIN { 1.0 } else { 0.95 };
-            let survival = (beta.max_element() / MIN_THROUGHPUT).min(limit);
-            let roulette = if way == 0 { u.y } else { 1.0 - u.y };
-            if roulette >= survival {
-                continue;
-            }
-            beta /= survival;
-            let wi = shading.frame.to_world(sample.wi);
-            if !shading.leaves(wi, sample.wi) {
-                continue;
-            }
+        let limit = if from.bounces < LONG_CHAIN { 1.0 } else { 0.95 };
+        let survival = |way: &Way| (way.beta.max_element() / MIN_THROUGHPUT).min(limit);
+        let both = from.bounces < MAX_SPLITS;
+        for way in delta_ways(shading, beta, from.radiance_scale, both, survival, sampler) {
             rays.path += 1;
             stack.push(Branch {
-                ray: shading.surface.spawn(wi),
-                beta,
-                radiance_scale: from.radiance_scale * sample.radiance_scale,
-                chain: hash_pair(from.chain, 1 + way as u64),
+                ray: way.ray,
+                beta: way.beta,
+                radiance_scale: way.radiance_scale,
+                chain: hash_pair(from.chain, 1 + way.number),
                 bounces: from.bounces + 1,
-                length: from.length,
-                off_middle: from.off_middle,
+                ..from
             });
         }
     }

@@ -2,9 +2,10 @@
 //! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
 
 use arrayvec::ArrayVec;
-use glam::{UVec2, Vec2, Vec3, Vec3A};
+use glam::{UVec2, Vec3, Vec3A};
 use scene::{Lights, Lobes, Scene, Specular};
 
+use crate::delta_ways::{Way, delta_ways};
 use crate::plan::Plan;
 use crate::sampler::Sampler;
 use crate::secondary::{
@@ -228,36 +229,21 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let mut stack = ArrayVec::<(Shading, Vec3, f32, usize), { SPLITS + 1 }>::new();
         stack.push((met, self.scene.transmittance(&met.surface), 1.0, 0));
         while let Some((shading, beta, radiance_scale, length)) = stack.pop() {
-            let ways = if length < SPLITS {
-                shading.bsdf.delta_branches(shading.wo)
-            } else {
-                [shading.bsdf.sample(Lobes::SPECULAR, shading.wo, sampler.next_1d(), Vec2::splat(0.5)), None]
+            let survival = |way: &Way| {
+                let flux = way.beta.max_element() / way.radiance_scale;
+                if length > 0 { (flux / MIN_THROUGHPUT).min(1.0) } else { 1.0 }
             };
-            for way in ways.into_iter().flatten() {
-                let wi = shading.frame.to_world(way.wi);
-                if !shading.leaves(wi, way.wi) {
-                    continue;
-                }
-                let mut beta = beta * way.weight;
-                let radiance_scale = radiance_scale * way.radiance_scale;
-                let strength = beta.max_element() / radiance_scale;
-                if length > 0 && strength < MIN_THROUGHPUT {
-                    let survival = strength / MIN_THROUGHPUT;
-                    if sampler.next_1d() >= survival {
-                        continue;
-                    }
-                    beta /= survival;
-                }
-                let ray = shading.surface.spawn(wi);
+            for way in delta_ways(&shading, beta, radiance_scale, length < SPLITS, survival, &mut sampler) {
+                let Way { ray, mut beta, radiance_scale, .. } = way;
                 rays.path += 1;
                 let Some(hit) = self.scene.intersect(&ray) else {
-                    sum += beta * self.scene.background(wi);
+                    sum += beta * self.scene.background(ray.direction);
                     continue;
                 };
                 let surface = self.scene.surface(&ray, &hit);
                 beta *= self.scene.transmittance(&surface);
                 sum += beta * self.scene.emission(&surface);
-                let next = Shading::new(self.scene, surface, wi);
+                let next = Shading::new(self.scene, surface, ray.direction);
                 if next.bsdf.is_delta() && length + 1 < MAX_CHAIN {
                     stack.push((next, beta, radiance_scale, length + 1));
                 }
