@@ -95,9 +95,10 @@ impl Extent {
         if common.is_empty() { Self::EMPTY } else { common }
     }
 
-    /// Returns half the diagonal of a finite box, 0 of another.
-    pub(crate) fn reach(&self) -> f64 {
-        if self.is_finite() { 0.5 * (self.max - self.min).length() } else { 0.0 }
+    /// Returns the longest finite side, 0 where there is none.
+    pub(crate) fn longest_side(&self) -> f64 {
+        let sides = self.max - self.min;
+        DVec3::select(sides.is_finite_mask(), sides, DVec3::ZERO).max_element()
     }
 
     /// Returns the box moved by `offset`, widened by the rounding of the move.

@@ -28,8 +28,8 @@ impl Solid {
     /// Returns the first crossing of the surface with `t_min < t < t_max`.
     ///
     /// A ray that starts on the surface, within the rounding of its origin and of the form's size, does not cross it there: entering, its first crossing is the
-    /// exit; leaving, the next entry. A hit of a ray from many times that size away has the rounding of its ray: step it onto the surface, by
-    /// `-value / |gradient|^2` times the gradient, before it is a start. Touches (double roots) are no crossings; nor is a stretch of zero length.
+    /// exit; leaving, the next entry. A hit of a ray from more than a few times that size away, or on a form without end, may have more rounding than that: step it
+    /// onto the surface, by `-value / |gradient|^2` times the gradient, before it is a start. Touches (double roots) are no crossings; nor is a stretch of zero length.
     pub fn first_hit(&self, ray: &Ray) -> Option<Crossing> {
         let mut first = None;
         if self.plan.is_union

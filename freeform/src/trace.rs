@@ -28,7 +28,8 @@ const LARGE: usize = 32;
 const VALUE_ROUNDING: f64 = 0.5 * f64::EPSILON;
 /// A start so near to the surface, in shares as above, is on the surface. Hit points that a caller computes carry several roundings.
 const START_ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Rounding of a start point as a share of the largest number that entered it; a hit near the form's origin was found by numbers of the form's size.
+/// Rounding of a start point as a share of the largest number that entered it; a hit near the form's origin has the rounding of the ray that
+/// found it, which is that of the form's size at least.
 const POINT_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// The ray in the frame of a form: `p + s d` with s = t - t0, and p the point of the ray nearest to the form's origin, or to its middle if that is elsewhere.
@@ -75,7 +76,7 @@ impl Local {
         let d_length = d.length();
         let start_error = (near == ray.t_min && near.is_finite()).then(|| {
             let largest = ray.origin.length() + home.length() + near.abs() * d_length;
-            POINT_ROUNDING * (largest + extent.reach())
+            POINT_ROUNDING * (largest + extent.longest_side())
         });
         let local = Self {
             p,

@@ -171,8 +171,8 @@ fn no_ray_that_restarts_on_a_surface_gets_to_the_wrong_side() {
 }
 
 #[test]
-fn a_hit_rounded_in_the_size_of_its_ray_is_a_start_on_the_surface() {
-    // The hit is a twentieth from the form's origin, its rounding that of a ray from 4.6 away: the restart saw the surface again at t = 4.4e-16.
+fn a_hit_from_a_few_sizes_away_is_a_start_on_the_surface() {
+    // The hit is a tenth from the form's origin, its rounding that of a ray from 4.6 away: the restart saw the surface again at t = 4.4e-16.
     let [xx, yy, zz] = [-21.599598846975926, -1.292914684928162, -2.5908580944775124];
     let [x, y, one] = [4.9161163737048685, -0.23564088569316774, 0.7095335503359023];
     let base = Quadric::new([xx, yy, zz, 0.0, 0.0, 0.0, x, y, 0.0, one]).unwrap();
@@ -185,6 +185,33 @@ fn a_hit_rounded_in_the_size_of_its_ray_is_a_start_on_the_surface() {
     assert_eq!(solid.first_hit(&Ray::new(p, n)), None, "outwards there is nothing");
     let back = solid.first_hit(&Ray::new(p, -n));
     assert!(back.is_some_and(|c| !c.entering && c.t > 0.01), "inwards {back:?}");
+    // Of a form of any size that has one, a start beside the surface is none on it.
+    for r in [1e-150, 1.0, 1e150] {
+        let ball = Solid::from(FreeForm::new(Quadric::sphere(DVec3::ZERO, r).unwrap(), vec![]).unwrap());
+        let out = ball.first_hit(&Ray::new(DVec3::X * 0.1 * r, DVec3::X)).unwrap();
+        assert!(!out.entering && (out.t / r - 0.9).abs() < 1e-9, "of radius {r}: {out:?}");
+    }
+}
+
+#[test]
+fn restarts_hold_on_cylinders_too() {
+    // Endless along z, half a unit thick, its side near the origin, met by rays from 2 away.
+    let cylinder = Quadric::new([-4.0, -4.0, 0.0, 0.0, 0.0, 0.0, 3.9, 0.0, 0.0, 0.05]).unwrap();
+    let solid = Solid::from(FreeForm::new(cylinder, vec![]).unwrap());
+    let mut hits = 0;
+    for k in 0..20_000 {
+        let number = |index: i32| 2.0 * (f64::from(k) * 1.220_744_084_605_759_5_f64.powi(-index)).fract() - 1.0;
+        let aim = DVec3::new(-0.0125 + 1e-3 * number(1), 0.05 * number(2), 0.05 * number(3));
+        let origin = DVec3::new(-1.9, number(2), number(4));
+        let ray = Ray::new(origin, aim - origin);
+        let Some(hit) = solid.first_hit(&ray) else { continue };
+        let p = ray.at(hit.t);
+        let n = solid.normal(p, ray.direction);
+        assert!(solid.first_hit(&Ray::new(p, n)).is_none_or(|c| c.t > 1e-9), "outwards at {p}");
+        assert!(solid.first_hit(&Ray::new(p, -n)).is_some_and(|c| !c.entering && c.t > 1e-9), "inwards at {p}");
+        hits += 1;
+    }
+    assert!(hits > 19_000, "{hits} hits");
 }
 
 #[test]
