@@ -266,7 +266,7 @@ impl<S: Secondary> Primary<'_, S> {
         rays: &mut RayCounts,
     ) {
         let limit = if from.bounces < LONG_CHAIN { 1.0 } else { 0.95 };
-        let survival = |way: &Way| (way.beta.max_element() / MIN_THROUGHPUT).min(limit);
+        let survival = |way: &Way| (way.flux() / MIN_THROUGHPUT).min(limit);
         let both = from.bounces < MAX_SPLITS;
         for way in delta_ways(shading, beta, from.radiance_scale, both, survival, sampler) {
             rays.path += 1;
@@ -274,7 +274,7 @@ impl<S: Secondary> Primary<'_, S> {
                 ray: way.ray,
                 beta: way.beta,
                 radiance_scale: way.radiance_scale,
-                chain: hash_pair(from.chain, 1 + way.number),
+                chain: hash_pair(from.chain, 1 + way.number as u64),
                 bounces: from.bounces + 1,
                 ..from
             });

@@ -229,10 +229,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let mut stack = ArrayVec::<(Shading, Vec3, f32, usize), { SPLITS + 1 }>::new();
         stack.push((met, self.scene.transmittance(&met.surface), 1.0, 0));
         while let Some((shading, beta, radiance_scale, length)) = stack.pop() {
-            let survival = |way: &Way| {
-                let flux = way.beta.max_element() / way.radiance_scale;
-                if length > 0 { (flux / MIN_THROUGHPUT).min(1.0) } else { 1.0 }
-            };
+            let survival = |way: &Way| if length > 0 { (way.flux() / MIN_THROUGHPUT).min(1.0) } else { 1.0 };
             for way in delta_ways(&shading, beta, radiance_scale, length < SPLITS, survival, &mut sampler) {
                 let Way { ray, mut beta, radiance_scale, .. } = way;
                 rays.path += 1;
