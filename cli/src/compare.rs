@@ -1,16 +1,16 @@
 //! `freelux compare`: how far a picture is from its reference, as a table on stdout.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 
 use integrator::metrics::{self, DEFAULT_PIXELS_PER_DEGREE, Flip, Image, RatioOfMeans, RelMse};
+use scene::Picture;
 
 use crate::encode::png_of_codes;
 use crate::failure::{Failure, note, print};
 use crate::files;
-use crate::images::{self, Picture};
 
 /// Measure how far a picture is from its reference: relMSE, FLIP and the ratio of their means.
 ///
@@ -91,7 +91,8 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode, Failure> {
         }
         files::check_writable(diff)?;
     }
-    let (a, b) = (images::read(&args.image)?, images::read(&args.reference)?);
+    let read = |path: &Path| Picture::read(path).map_err(Failure::input);
+    let (a, b) = (read(&args.image)?, read(&args.reference)?);
     let names = format!("{} and {}", args.image.display(), args.reference.display());
     let refuse =
         |error: metrics::MetricsError| Failure::Input(format!("{names}: {error}; compare pictures of one view"));

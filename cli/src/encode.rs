@@ -222,6 +222,11 @@ fn latin1(text: &str) -> Text {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+    use std::path::Path;
+
+    use scene::{Picture, PictureFormat};
+
     use super::*;
 
     #[test]
@@ -237,6 +242,25 @@ mod tests {
         let decoded = |stops| image::load_from_memory(&png(size, &picture, stops).unwrap()).unwrap().into_rgb8();
         assert_eq!(decoded(2.0).get_pixel(0, 0).0, [255; 3], "two stops are four times");
         assert_eq!(decoded(0.0).get_pixel(1, 0).0, [255, 0, 0], "a pixel too bright and not a number");
+    }
+
+    #[test]
+    fn an_exr_comes_back_bit_for_bit() {
+        let mut film = Film::new(UVec2::new(3, 2));
+        film.direct[4] = Vec3::new(-1.5, 1e20, 1e-20);
+        film.emitted[1] = Vec3::new(f32::NAN, f32::INFINITY, 0.25);
+        let origin = Origin { command: "freelux render", seed: 3 };
+        let encoded = || {
+            let mut bytes = Cursor::new(Vec::new());
+            exr(&film, &film.picture(), None, None, &origin, &mut bytes).unwrap();
+            bytes.into_inner()
+        };
+        let bytes = encoded();
+        let picture = Picture::decode(Path::new("a.exr"), &bytes).unwrap();
+        assert_eq!((picture.size, picture.format), (film.size, PictureFormat::Exr), "size and format");
+        let bits = |pixels: &[Vec3]| pixels.iter().map(|pixel| pixel.to_array().map(f32::to_bits)).collect::<Vec<_>>();
+        assert_eq!(bits(&picture.pixels), bits(&film.picture()), "negative and broken values too");
+        assert_eq!(bytes, encoded(), "the same bytes again");
     }
 
     #[test]

@@ -1,16 +1,17 @@
 //! `freelux info`: what a scene or a picture holds, on stdout.
 
 use std::fmt::{Display, Write};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use exr::meta::MetaData;
 use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, Text};
 use glam::{DVec3, Vec3};
-use scene::{Description, LoadOptions, PunctualLight, Scene, SpecularKind};
+use scene::{Description, LoadOptions, Picture, PictureFormat, PunctualLight, Scene, SpecularKind, read_file};
 
 use crate::failure::{Failure, note, print};
-use crate::images::{self, Format};
 
 /// Tell what a scene or a picture holds.
 #[derive(Debug, clap::Args)]
@@ -149,11 +150,13 @@ fn vector(v: Vec3) -> String {
 }
 
 fn picture(path: &Path) -> Result<Lines, Failure> {
-    let bytes = images::read_file(path)?;
+    let bytes = read_file(path).map_err(Failure::input)?;
     let mut lines = Lines::default();
     lines.add("picture", path.display());
-    if Format::of(&bytes) == Some(Format::Exr) {
-        let meta = images::exr_meta(path, &bytes)?;
+    if PictureFormat::of(&bytes) == Some(PictureFormat::Exr) {
+        let damaged =
+            |error| Failure::Input(format!("{}: the EXR is damaged: {error}; get the file again", path.display()));
+        let meta = MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(damaged)?;
         for (part, header) in meta.headers.iter().enumerate() {
             exr_part(&mut lines, part, header);
         }
@@ -168,11 +171,11 @@ fn picture(path: &Path) -> Result<Lines, Failure> {
                 lines.add(&name.to_string(), text);
             }
         }
-        if !images::has_rgb(&meta) {
+        if !meta.headers.iter().any(has_rgb) {
             return Ok(lines);
         }
     }
-    let picture = images::decode(path, &bytes)?;
+    let picture = Picture::decode(path, &bytes).map_err(Failure::input)?;
     lines.add("format", picture.format.name());
     lines.add("size", format!("{} x {}", picture.size.x, picture.size.y));
     let (mut least, mut most, mut sum, mut finite) = (Vec3::INFINITY, Vec3::NEG_INFINITY, DVec3::ZERO, 0_usize);
@@ -189,6 +192,11 @@ fn picture(path: &Path) -> Result<Lines, Failure> {
     }
     lines.add("not finite", format!("{} pixels", picture.pixels.len() - finite));
     Ok(lines)
+}
+
+/// Whether a part is a picture in colours.
+fn has_rgb(header: &Header) -> bool {
+    !header.deep && ["R", "G", "B"].iter().all(|&name| header.channels.list.iter().any(|channel| channel.name.eq(name)))
 }
 
 /// The header of one part.

@@ -7,7 +7,6 @@ mod encode;
 mod explain;
 mod failure;
 mod files;
-mod images;
 mod info;
 mod machine;
 mod mesh;

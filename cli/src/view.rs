@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use glam::{UVec2, Vec3};
 use integrator::{Method, Settings};
 use scene::freeform::Bounds;
-use scene::{Aabb, Camera, Description, Environment, FileSettings, LoadOptions, Loaded, Mesh};
+use scene::{Aabb, Camera, Description, FileSettings, LoadOptions, Loaded, Mesh};
 
 use crate::args;
 use crate::failure::Failure;
-use crate::images::{self, Picture};
 
 /// The scene that is rendered when none is named, and the files that it includes.
 const DEFAULT_SCENE: &str = include_str!("../scenes/default.toml");
@@ -78,23 +77,12 @@ impl ViewArgs {
 
     /// Reads the scene and its files; the embedded scene where none is named.
     pub(crate) fn load(&self, scene: Option<&Path>) -> Result<Loaded, Failure> {
-        let scale = self.env_scale.unwrap_or(1.0);
-        if let Some(path) = scene {
-            let options = LoadOptions { environment: self.env.clone(), environment_scale: scale };
-            return scene::load(path, &options).map_err(Failure::input);
-        }
-        let mut loaded = scene::load_embedded(DEFAULT_SCENE, DEFAULT_FILES).map_err(Failure::input)?;
-        if let Some(path) = &self.env {
-            let Picture { size, pixels, format } = images::read(path)?;
-            if format.is_coded() {
-                let what = "holds codes for a display and not radiance; give an EXR or HDR picture";
-                return Err(Failure::Input(format!("{}: {what}", path.display())));
-            }
-            loaded.description.environment = Some(Environment::from_pixels(size.x, size.y, pixels));
-        }
-        let environment = loaded.description.environment.take();
-        loaded.description.environment = environment.map(|environment| environment.scaled(scale));
-        Ok(loaded)
+        let options = LoadOptions { environment: self.env.clone(), environment_scale: self.env_scale.unwrap_or(1.0) };
+        let loaded = match scene {
+            Some(path) => scene::load(path, &options),
+            None => scene::load_embedded(DEFAULT_SCENE, DEFAULT_FILES, &options),
+        };
+        loaded.map_err(Failure::input)
     }
 
     /// The settings of the scene's file, overruled by the arguments.

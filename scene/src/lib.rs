@@ -33,7 +33,10 @@ pub use features::Features;
 pub use freeform;
 pub use glam;
 pub use light::{Emission, LightSample, Lights, SeenLights};
-pub use load::{FileSettings, LoadError, LoadOptions, Loaded, Problem, limits, load, load_embedded};
+pub use load::{
+    FileSettings, LoadError, LoadOptions, Loaded, Picture, PictureFormat, Problem, limits, load, load_embedded,
+    read_file,
+};
 pub use material::{Bsdf, BsdfSample, Lobes, Specular, fresnel_dielectric};
 pub use media::Media;
 pub use noise::{Noise, Pattern};

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use scene::read_file;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
-use crate::images::read_file;
 
 /// A rendering and its error. Fields of other programs may be missing, but for the first ones.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -88,7 +88,7 @@ pub(crate) fn to_csv(records: &[Record]) -> Vec<u8> {
 
 /// Reads records from CSV: columns are found by their names, and unknown ones are passed over.
 pub(crate) fn read(path: &Path) -> Result<Vec<Record>, Failure> {
-    let bytes = read_file(path)?;
+    let bytes = read_file(path).map_err(Failure::input)?;
     let records: Result<Vec<Record>, csv::Error> = csv::Reader::from_reader(&bytes[..]).deserialize().collect();
     let refuse = |what: String| Failure::Input(format!("{}: {what}; give the CSV of a chart", path.display()));
     let records = records.map_err(|error| refuse(error.to_string()))?;

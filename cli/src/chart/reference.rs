@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use glam::UVec2;
 use integrator::metrics::{Batches, Image, MetricsError, Reference};
 use integrator::{Method, Settings};
-use scene::Scene;
+use scene::{Picture, Scene};
 
 use crate::encode;
 use crate::failure::{Failure, note};
 use crate::files::Staged;
-use crate::images;
 
 /// Pictures that a reference is joined of, each with random numbers of its own: their spread is its noise.
 const BATCHES: u32 = 16;
@@ -27,10 +26,11 @@ fn variance_path(reference: &Path) -> PathBuf {
 
 /// Reads a reference with its variance, if that is there, and shrinks it to `size`.
 pub(crate) fn read(path: &Path, size: UVec2) -> Result<Reference, Failure> {
-    let picture = images::read(path)?;
+    let read = |path: &Path| Picture::read(path).map_err(Failure::input);
+    let picture = read(path)?;
     let refuse = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let variance_path = variance_path(path);
-    let variance = if variance_path.exists() { Some(images::read(&variance_path)?) } else { None };
+    let variance = if variance_path.exists() { Some(read(&variance_path)?) } else { None };
     if variance.is_none() {
         note(&format!(
             "warning: {}: its noise is not known, as there is no {}",

@@ -113,7 +113,7 @@ fn info_tells_of_scenes_and_pictures() {
     exr::prelude::WritableImage::write(&only_depth).to_file(folder.path().join("z.exr")).unwrap();
     let run = freelux(folder.path(), &["info", "z.exr"]);
     assert!(run.expect_done().stdout.contains("channels        Z"), "a picture without colours: {run:?}");
-    freelux(folder.path(), &["compare", "z.exr", "z.exr"]).expect_refused(2, "no flat channels R, G and B, but Z");
+    freelux(folder.path(), &["compare", "z.exr", "z.exr"]).expect_refused(2, "no channels R, G and B, but Z");
     fs::write(folder.path().join("a.txt"), "not a picture").unwrap();
     freelux(folder.path(), &["info", "a.txt"]).expect_refused(2, "a.txt");
     freelux(folder.path(), &["info", "."]).expect_refused(2, "not a regular file");

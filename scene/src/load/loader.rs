@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 
 use super::error::{LoadError, Place, quoted};
 use super::files::Files;
@@ -113,18 +113,18 @@ impl<'a> Loader<'a> {
         if let Some(&index) = self.textures.get(&key) {
             return Ok(index);
         }
-        let picture = picture::read(self.files, path, place, &mut self.warnings)?;
-        let texture = match (picture.pixels, usage) {
+        let (UVec2 { x: width, y: height }, pixels) = picture::read(self.files, path, place, &mut self.warnings)?;
+        let texture = match (pixels, usage) {
             // A picture with transparent parts is a mask by its transparency.
             (Pixels::Coded(_, Some(alpha)), Use::Mask) if alpha.iter().any(|&alpha| alpha < 255) => {
-                Texture::from_srgb8(picture.width, picture.height, alpha.into_iter().map(|alpha| [alpha; 3]).collect())
+                Texture::from_srgb8(width, height, alpha.into_iter().map(|alpha| [alpha; 3]).collect())
             }
-            (Pixels::Coded(codes, _), _) => Texture::from_srgb8(picture.width, picture.height, codes),
+            (Pixels::Coded(codes, _), _) => Texture::from_srgb8(width, height, codes),
             (Pixels::Linear(mut pixels), _) => {
                 let bright = pixels.iter().filter(|pixel| pixel.max_element() > 1.0).count();
                 self.warnings.add_times(format!("{}: texture values above 1 taken as 1", Place::file(path)), bright);
                 pixels.iter_mut().for_each(|pixel| *pixel = pixel.min(Vec3::ONE));
-                Texture::from_linear(picture.width, picture.height, pixels)
+                Texture::from_linear(width, height, pixels)
             }
         };
         let index = as_u32(self.description.textures.len());
@@ -134,10 +134,15 @@ impl<'a> Loader<'a> {
     }
 
     /// Reads the surroundings.
-    pub(super) fn environment(&mut self, path: &Path, place: Place<'_>) -> Result<Environment, LoadError> {
-        let picture = picture::read(self.files, path, place, &mut self.warnings)?;
-        match picture.pixels {
-            Pixels::Linear(pixels) => Ok(Environment::from_pixels(picture.width, picture.height, pixels)),
+    pub(super) fn environment(
+        &mut self,
+        files: Files<'_>,
+        path: &Path,
+        place: Place<'_>,
+    ) -> Result<Environment, LoadError> {
+        let (UVec2 { x: width, y: height }, pixels) = picture::read(files, path, place, &mut self.warnings)?;
+        match pixels {
+            Pixels::Linear(pixels) => Ok(Environment::from_pixels(width, height, pixels)),
             Pixels::Coded(..) => {
                 Err(Place::file(path).unsupported("an 8-bit picture as surroundings", "give an EXR or HDR picture"))
             }

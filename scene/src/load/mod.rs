@@ -22,6 +22,7 @@ use std::path::{Path, PathBuf};
 use glam::UVec2;
 
 pub use error::{LoadError, Problem};
+pub use picture::{Picture, PictureFormat};
 
 use crate::description::Description;
 use error::Place;
@@ -88,22 +89,47 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         }
         _ => return Err(place.unsupported("not a scene by its name", "give a .toml or .obj file")),
     };
-    if let Some(environment) = &options.environment {
-        let environment = loader.environment(environment, Place::file(environment))?;
-        loader.description.environment = Some(environment);
-    }
-    loader.finish(settings, options.environment_scale, place)
+    finish(loader, settings, options, place)
+}
+
+/// Reads a whole regular file of at most [`limits::FILE_BYTES`].
+///
+/// # Errors
+/// It is not there, is larger, may not be read, or is a folder, pipe or device.
+///
+/// # Example
+///
+/// ```
+/// let error = scene::read_file(std::path::Path::new("no such file")).unwrap_err();
+/// assert!(error.to_string().starts_with("no such file: the file cannot be read"));
+/// ```
+pub fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
+    Files::Disk.read(path, Place::file(path), limits::FILE_BYTES)
 }
 
 /// Loads a scene file that is part of the program, with the files it names: `files` holds their names and contents.
 ///
 /// # Errors
-/// As [`load`]; nothing but `files` can be reached.
-pub fn load_embedded(scene: &str, files: &[(&str, &[u8])]) -> Result<Loaded, LoadError> {
+/// As [`load`]; the scene can reach nothing but `files`.
+pub fn load_embedded(scene: &str, files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Loaded, LoadError> {
     let path = Path::new("embedded.toml");
     let mut all = vec![("embedded.toml", scene.as_bytes())];
     all.extend_from_slice(files);
     let mut loader = Loader::new(Files::Embedded(&all));
     let settings = scene_file::read(&mut loader, path)?;
-    loader.finish(settings, 1.0, Place::file(path))
+    finish(loader, settings, options, Place::file(path))
+}
+
+/// Adds what the caller does.
+fn finish(
+    mut loader: Loader<'_>,
+    settings: FileSettings,
+    options: &LoadOptions,
+    place: Place<'_>,
+) -> Result<Loaded, LoadError> {
+    if let Some(path) = &options.environment {
+        let environment = loader.environment(Files::Disk, path, Place::file(path))?;
+        loader.description.environment = Some(environment);
+    }
+    loader.finish(settings, options.environment_scale, place)
 }

@@ -3,23 +3,119 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::error::{LoadError, Place};
 use super::files::Files;
-use super::limits;
-use super::picture_exr;
 use super::warnings::Warnings;
+use super::{limits, picture_exr, read_file};
 
-/// A picture's pixels, the first row on top.
-#[derive(Debug)]
-pub(super) struct Picture {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) pixels: Pixels,
+/// A picture as its file has it, NaN, infinite and negative values included: for whoever measures pictures. Those that scenes name are mended.
+///
+/// # Example
+///
+/// ```
+/// use std::path::Path;
+///
+/// use scene::glam::{UVec2, Vec3};
+/// use scene::{Picture, PictureFormat};
+///
+/// // One pixel, as a file would hold it.
+/// let bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x40\x00\x81";
+/// let picture = Picture::decode(Path::new("dot.hdr"), bytes)?;
+/// assert_eq!((picture.size, picture.format), (UVec2::ONE, PictureFormat::Hdr));
+/// assert_eq!(picture.pixels, [Vec3::new(1.0, 0.5, 0.0)]);
+/// # Ok::<(), scene::LoadError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Width and height.
+    pub size: UVec2,
+    /// Linear RGB, rows from the top; 8-bit and 16-bit codes are decoded by the sRGB curve.
+    pub pixels: Vec<Vec3>,
+    /// What kind of file it was.
+    pub format: PictureFormat,
 }
 
+/// The kinds of pictures that are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// `OpenEXR`.
+    Exr,
+    /// Radiance HDR.
+    Hdr,
+    /// PNG.
+    Png,
+    /// JPEG.
+    Jpeg,
+}
+
+impl PictureFormat {
+    /// Returns the format that the first bytes of a file tell.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+            return Some(Self::Exr);
+        }
+        match image::guess_format(bytes).ok()? {
+            ImageFormat::Hdr => Some(Self::Hdr),
+            ImageFormat::Png => Some(Self::Png),
+            ImageFormat::Jpeg => Some(Self::Jpeg),
+            _ => None,
+        }
+    }
+
+    /// Whether the file holds codes for a display, already exposed, and not light.
+    #[must_use]
+    pub fn is_coded(self) -> bool {
+        matches!(self, Self::Png | Self::Jpeg)
+    }
+
+    /// Returns the name for messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exr => "OpenEXR",
+            Self::Hdr => "Radiance HDR",
+            Self::Png => "PNG",
+            Self::Jpeg => "JPEG",
+        }
+    }
+}
+
+impl Picture {
+    /// Reads a picture from a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is larger than the [`limits`], is damaged, or is no picture that is known.
+    pub fn read(path: &Path) -> Result<Self, LoadError> {
+        Self::decode(path, &read_file(path)?)
+    }
+
+    /// Decodes a picture whose file is in memory; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`Picture::read`].
+    pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self, LoadError> {
+        let Decoded { size, format, data } = Decoded::new(bytes, Place::file(path))?;
+        let pixels = match data {
+            Data::Linear(pixels) => pixels,
+            Data::Coded(picture) => {
+                // Codes of 8 and 16 bits become shares of 1.
+                picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0.map(linear_from_srgb))).collect()
+            }
+        };
+        Ok(Self { size, pixels, format })
+    }
+}
+
+/// The inverse of the sRGB curve (IEC 61966-2-1).
+fn linear_from_srgb(code: f32) -> f32 {
+    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Pixels of a picture that a scene uses, the first row on top.
 #[derive(Debug)]
 pub(super) enum Pixels {
     /// sRGB codes, with alpha where the file has it.
@@ -28,21 +124,80 @@ pub(super) enum Pixels {
     Linear(Vec<Vec3>),
 }
 
-/// Reads the picture `path`, which was named at `place`.
+/// Reads size and pixels of the picture `path`, which was named at `place`.
 pub(super) fn read(
     files: Files<'_>,
     path: &Path,
     place: Place<'_>,
     warnings: &mut Warnings,
-) -> Result<Picture, LoadError> {
+) -> Result<(UVec2, Pixels), LoadError> {
     let bytes = files.read(path, place, limits::FILE_BYTES)?;
     let file = Place::file(path);
-    let mut picture =
-        if picture_exr::is_exr(&bytes) { picture_exr::decode(&bytes, file)? } else { decode(&bytes, file)? };
-    if let Pixels::Linear(pixels) = &mut picture.pixels {
-        warnings.add_times(format!("{file}: NaN, infinite or negative values replaced"), mend(pixels));
+    let Decoded { size, data, .. } = Decoded::new(&bytes, file)?;
+    let pixels = match data {
+        Data::Linear(mut pixels) => {
+            warnings.add_times(format!("{file}: NaN, infinite or negative values replaced"), mend(&mut pixels));
+            Pixels::Linear(pixels)
+        }
+        Data::Coded(picture) => {
+            let alpha =
+                picture.color().has_alpha().then(|| picture.to_rgba8().pixels().map(|pixel| pixel.0[3]).collect());
+            Pixels::Coded(picture.into_rgb8().pixels().map(|pixel| pixel.0).collect(), alpha)
+        }
+    };
+    Ok((size, pixels))
+}
+
+/// What a file holds.
+struct Decoded {
+    size: UVec2,
+    format: PictureFormat,
+    data: Data,
+}
+
+enum Data {
+    /// Linear light, whatever the file says.
+    Linear(Vec<Vec3>),
+    /// sRGB codes.
+    Coded(DynamicImage),
+}
+
+impl Decoded {
+    fn new(bytes: &[u8], file: Place<'_>) -> Result<Self, LoadError> {
+        let format = match PictureFormat::of(bytes) {
+            Some(PictureFormat::Exr) => {
+                let (size, pixels) = picture_exr::decode(bytes, file)?;
+                return Ok(Self { size, format: PictureFormat::Exr, data: Data::Linear(pixels) });
+            }
+            Some(PictureFormat::Hdr) => ImageFormat::Hdr,
+            Some(PictureFormat::Png) => ImageFormat::Png,
+            Some(PictureFormat::Jpeg) => ImageFormat::Jpeg,
+            None => {
+                let what = "neither PNG, JPEG, HDR nor EXR by its first bytes";
+                return Err(file.unsupported(what, "convert the picture to one of these"));
+            }
+        };
+        let damaged =
+            |error: image::ImageError| file.invalid(format!("the picture is damaged: {error}"), "get the file again");
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut allocation = image::Limits::default();
+        allocation.max_alloc = Some(limits::PIXELS * 16);
+        reader.limits(allocation);
+        let decoder = reader.into_decoder().map_err(damaged)?;
+        let (width, height) = decoder.dimensions();
+        let unpacked = u64::from(decoder.color_type().bytes_per_pixel());
+        check_size(width.into(), height.into(), unpacked, bytes.len(), file)?;
+        let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+        let (format, data) = match format {
+            ImageFormat::Hdr => {
+                let pixels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0)).collect();
+                (PictureFormat::Hdr, Data::Linear(pixels))
+            }
+            ImageFormat::Png => (PictureFormat::Png, Data::Coded(picture)),
+            _ => (PictureFormat::Jpeg, Data::Coded(picture)),
+        };
+        Ok(Self { size: UVec2::new(width, height), format, data })
     }
-    Ok(picture)
 }
 
 /// Refuses a size beyond the limits, before memory is taken for it. `unpacked` is the bytes that decoding takes for a pixel.
@@ -69,36 +224,6 @@ pub(super) fn check_size(
     Ok(())
 }
 
-fn decode(bytes: &[u8], file: Place<'_>) -> Result<Picture, LoadError> {
-    let damaged =
-        |error: image::ImageError| file.invalid(format!("the picture is damaged: {error}"), "get the file again");
-    let guessed = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let mut reader = guessed.map_err(|error| file.unreadable(error.to_string(), "get the file again"))?;
-    if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Hdr)) {
-        return Err(file
-            .unsupported("neither PNG, JPEG, HDR nor EXR by its first bytes", "convert the picture to one of these"));
-    }
-    let mut allocation = image::Limits::default();
-    allocation.max_alloc = Some(limits::PIXELS * 16);
-    reader.limits(allocation);
-    let decoder = reader.into_decoder().map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
-    let unpacked = u64::from(decoder.color_type().bytes_per_pixel());
-    check_size(width.into(), height.into(), unpacked, bytes.len(), file)?;
-    let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-    let pixels = match picture {
-        DynamicImage::ImageRgb32F(buffer) => {
-            Pixels::Linear(buffer.pixels().map(|pixel| Vec3::from_array(pixel.0)).collect())
-        }
-        picture => {
-            let alpha =
-                picture.color().has_alpha().then(|| picture.to_rgba8().pixels().map(|pixel| pixel.0[3]).collect());
-            Pixels::Coded(picture.into_rgb8().pixels().map(|pixel| pixel.0).collect(), alpha)
-        }
-    };
-    Ok(Picture { width, height, pixels })
-}
-
 /// Replaces NaN and negative values by 0 and infinite ones by the largest finite value; returns the number of pixels mended.
 fn mend(pixels: &mut [Vec3]) -> usize {
     let finite = pixels.iter().flat_map(|pixel| pixel.to_array()).filter(|value| value.is_finite());
@@ -116,6 +241,28 @@ fn mend(pixels: &mut [Vec3]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn codes_of_8_and_16_bits_mean_the_same_light() {
+        let encoded = |picture: DynamicImage| {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
+            Picture::decode(Path::new("a.png"), bytes.get_ref()).unwrap().pixels[0].x
+        };
+        let eight = encoded(image::GrayImage::from_pixel(1, 1, image::Luma([128])).into());
+        let sixteen =
+            encoded(DynamicImage::ImageLuma16(image::ImageBuffer::from_pixel(1, 1, image::Luma([128 * 257]))));
+        assert!((eight - 0.215_861).abs() < 1e-5, "code 128 is {eight}");
+        assert!((eight - sixteen).abs() < 1e-6, "{eight} and {sixteen}");
+    }
+
+    #[test]
+    fn other_files_are_refused_by_name() {
+        for bytes in [&b""[..], b"hello", b"GIF89a", b"\x89PNG\r\n\x1a\n", b"#?RADIANCE\n\n-Y 1 +X 0\n", b"v/1\x01"] {
+            let line = Picture::decode(Path::new("a.bin"), bytes).unwrap_err().to_string();
+            assert!(line.starts_with("a.bin: ") && line.contains("; "), "{line}");
+        }
+    }
 
     #[test]
     fn broken_values_are_replaced_and_counted() {

@@ -5,18 +5,13 @@ use std::io::Cursor;
 use exr::meta::MetaData;
 use exr::meta::header::Header;
 use exr::prelude::{Compression, ReadChannels, ReadLayers, Vec2 as Size, read};
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 
 use super::error::{LoadError, Place};
-use super::picture::{Picture, Pixels, check_size};
+use super::picture::check_size;
 
-/// Whether a file begins as OpenEXR does.
-pub(super) fn is_exr(bytes: &[u8]) -> bool {
-    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
-}
-
-/// Decodes a file that is in memory.
-pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<Picture, LoadError> {
+/// Decodes a file that is in memory: size and pixels.
+pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<(UVec2, Vec<Vec3>), LoadError> {
     let damaged = |error: exr::error::Error| {
         file.invalid(format!("the EXR is damaged or not supported: {error}"), "save it as a flat EXR with ZIP")
     };
@@ -45,11 +40,11 @@ pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<Picture, LoadError
         .map_err(damaged)?;
     let (_, pixels) = image.layer_data.channel_data.pixels;
     let side = |n: usize| u32::try_from(n).map_err(|_| file.too_large("a side beyond 32 bits", "shrink it"));
-    let (width, height) = (side(width)?, side(height)?);
-    if pixels.len() as u64 != u64::from(width) * u64::from(height) {
+    let size = UVec2::new(side(width)?, side(height)?);
+    if pixels.len() as u64 != u64::from(size.x) * u64::from(size.y) {
         return Err(file.unsupported("parts of different sizes", "save the picture as one part"));
     }
-    Ok(Picture { width, height, pixels: Pixels::Linear(pixels) })
+    Ok((size, pixels))
 }
 
 /// Refuses what would take too much memory, and compression that is too young to be trusted with hostile files.

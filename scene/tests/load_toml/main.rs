@@ -7,7 +7,7 @@ mod faults;
 use common::{assert_refused, load_files};
 use scene::freeform::{Operation, Psi};
 use scene::glam::{DVec3, UVec2, Vec3, Vec3A};
-use scene::{FileSettings, Loaded, Noise, Pattern, Projection, PunctualLight, SpecularKind, load_embedded};
+use scene::{FileSettings, LoadOptions, Loaded, Noise, Pattern, Projection, PunctualLight, SpecularKind};
 
 const TRIANGLE: &str = "[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
 
@@ -302,6 +302,8 @@ fn an_obj_is_read_once_for_all_its_places() {
 
 #[test]
 fn embedded_scenes_reach_nothing_else() {
+    let load_embedded =
+        |text: &str, files: &[(&str, &[u8])]| scene::load_embedded(text, files, &LoadOptions::default());
     let text = format!("{TRIANGLE}[[mesh]]\nfile = \"m.obj\"\n");
     let obj: &[u8] = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     assert_eq!(load_embedded(&text, &[("m.obj", obj)]).unwrap().description.meshes.len(), 2, "both meshes");
@@ -310,4 +312,18 @@ fn embedded_scenes_reach_nothing_else() {
     let error =
         load_embedded(&format!("[environment]\nfile = \"/etc/passwd\"\n{TRIANGLE}"), &[]).unwrap_err().to_string();
     assert!(error.contains("embedded.toml:2: "), "{error}");
+}
+
+#[test]
+fn surroundings_of_the_callers_choice_are_mended_for_embedded_scenes_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("broken.exr");
+    exr::prelude::write_rgb_file(&path, 2, 1, |x, _| if x == 0 { (f32::NAN, 1.0, -1.0) } else { (2.0, 2.0, 2.0) })
+        .unwrap();
+    let options = LoadOptions { environment: Some(path), environment_scale: 3.0 };
+    let loaded = scene::load_embedded(TRIANGLE, &[], &options).unwrap();
+    let surroundings = loaded.description.environment.unwrap();
+    // The left half of the picture is on the side of +x.
+    assert_eq!([Vec3A::X, Vec3A::NEG_X].map(|wi| surroundings.radiance(wi)), [Vec3::Y * 3.0, Vec3::splat(6.0)]);
+    assert!(loaded.warnings.iter().any(|line| line.contains("NaN")), "{:?}", loaded.warnings);
 }

@@ -102,7 +102,7 @@ fn environment(
         (Some(file), None) => {
             check_name(file.as_ref(), source.place(file.span()))?;
             let path = loader.files.resolve(&source.path, file.as_ref());
-            loader.environment(&path, source.place(file.span()))?
+            loader.environment(loader.files, &path, source.place(file.span()))?
         }
         (None, Some(radiance)) => crate::Environment::constant(radiance.0),
         _ => {
