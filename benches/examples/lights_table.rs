@@ -108,9 +108,10 @@ fn main() {
         let noise = flux_deviation / f64::from(SAMPLES * POINTS).sqrt();
         assert!((flux_mean / mean - 1.0).abs() < 6.0 * noise + 0.01, "{flux_mean} is not {mean}");
         let gain = (flux_deviation / deviation).powi(2) * flux_ns / ns;
+        let (gain, than) = if gain < 1.0 { (gain.recip(), "more") } else { (gain, "less") };
         let build = scene.light_seconds() * 1e3;
         println!(
-            "| {count} | {build:.2} | {flux_deviation:.2} | {flux_ns:.0} | {deviation:.2} | {ns:.0} | {gain:.1} times less |"
+            "| {count} | {build:.2} | {flux_deviation:.2} | {flux_ns:.0} | {deviation:.2} | {ns:.0} | {gain:.1} times {than} |"
         );
     }
 }
