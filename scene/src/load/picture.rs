@@ -164,22 +164,22 @@ enum Data {
 
 impl Decoded {
     fn new(bytes: &[u8], file: Place<'_>) -> Result<Self, LoadError> {
-        let format = match PictureFormat::of(bytes) {
-            Some(PictureFormat::Exr) => {
+        let Some(format) = PictureFormat::of(bytes) else {
+            let what = "neither PNG, JPEG, HDR nor EXR by its first bytes";
+            return Err(file.unsupported(what, "convert the picture to one of these"));
+        };
+        let kind = match format {
+            PictureFormat::Exr => {
                 let (size, pixels) = picture_exr::decode(bytes, file)?;
-                return Ok(Self { size, format: PictureFormat::Exr, data: Data::Linear(pixels) });
+                return Ok(Self { size, format, data: Data::Linear(pixels) });
             }
-            Some(PictureFormat::Hdr) => ImageFormat::Hdr,
-            Some(PictureFormat::Png) => ImageFormat::Png,
-            Some(PictureFormat::Jpeg) => ImageFormat::Jpeg,
-            None => {
-                let what = "neither PNG, JPEG, HDR nor EXR by its first bytes";
-                return Err(file.unsupported(what, "convert the picture to one of these"));
-            }
+            PictureFormat::Hdr => ImageFormat::Hdr,
+            PictureFormat::Png => ImageFormat::Png,
+            PictureFormat::Jpeg => ImageFormat::Jpeg,
         };
         let damaged =
             |error: image::ImageError| file.invalid(format!("the picture is damaged: {error}"), "get the file again");
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), kind);
         let mut allocation = image::Limits::default();
         allocation.max_alloc = Some(limits::PIXELS * 16);
         reader.limits(allocation);
@@ -188,13 +188,10 @@ impl Decoded {
         let unpacked = u64::from(decoder.color_type().bytes_per_pixel());
         check_size(width.into(), height.into(), unpacked, bytes.len(), file)?;
         let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-        let (format, data) = match format {
-            ImageFormat::Hdr => {
-                let pixels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0)).collect();
-                (PictureFormat::Hdr, Data::Linear(pixels))
-            }
-            ImageFormat::Png => (PictureFormat::Png, Data::Coded(picture)),
-            _ => (PictureFormat::Jpeg, Data::Coded(picture)),
+        let data = if format.is_coded() {
+            Data::Coded(picture)
+        } else {
+            Data::Linear(picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0)).collect())
         };
         Ok(Self { size: UVec2::new(width, height), format, data })
     }
