@@ -102,12 +102,12 @@ impl Plan {
         let n = study.resolution.unwrap_or(n);
         let (n, look_n) = (n as usize, look_n.min(n) as usize);
         let light_count = scene.lights().count();
-        let light_samples = study.light_samples.unwrap_or(match (features.environment, light_count) {
+        let light_samples = study.light_samples.unwrap_or(match light_count {
             // Which of many is taken is most of the noise, and another one costs less than another primary ray. A lamp of many triangles counts as many,
             // surroundings as one.
-            (_, MANY_LIGHTS..) => 8,
-            (true, _) | (_, 2..) => 4,
-            (false, _) => 2,
+            MANY_LIGHTS.. => 8,
+            0 | 1 if scene.lights().are_punctual() => 1,
+            _ => 4,
         });
         let (first_spp, budget) = primary_samples(settings, light_count >= MANY_LIGHTS);
         // The noise of caustics is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
@@ -244,9 +244,9 @@ fn primary_samples(settings: &Settings, has_many_lights: bool) -> (u32, Budget) 
 }
 
 /// Mean square of the relative error of primary samples, as if they were independent. The noise of samples falls faster than their number rises, that of records
-/// more slowly: so this balances both.
+/// more slowly, most of all where samples are few: so this balances both.
 fn noise(quality: f32) -> f32 {
-    NOISE * quality.powf(-0.75)
+    NOISE * quality.powf(if quality < 1.0 { -0.55 } else { -0.75 })
 }
 
 /// Mean square of the relative error of primary samples at quality 1, as if they were independent: stratified ones have a twentieth to a half of it.
@@ -266,4 +266,24 @@ fn round(x: f32, min: f32, max: f32) -> u32 {
     #[expect(clippy::cast_sign_loss, reason = "clamped")]
     let rounded = x.round().clamp(min, max) as u32;
     rounded
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use scene::{Description, PunctualLight};
+
+    use super::*;
+    use crate::secondary::tests::lamp_over_metal;
+
+    #[test]
+    fn one_point_of_light_is_asked_once() {
+        let suns = |count: usize| {
+            let sun = PunctualLight::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+            Scene::new(Description { lights: vec![sun; count], ..Description::default() }).unwrap()
+        };
+        let samples = |scene: &Scene| Plan::new(scene, &Settings::default()).light_samples;
+        assert_eq!([0, 1, 2, 8].map(|count| samples(&suns(count))), [1, 1, 4, 8]);
+        assert_eq!(samples(&lamp_over_metal(0.1)), 4, "a lamp has many points");
+    }
 }

@@ -123,6 +123,16 @@ struct Branch {
     off_middle: f32,
 }
 
+/// What a primary sample finds by itself.
+#[derive(Default)]
+struct Sample {
+    terms: Terms,
+    /// The albedo by which it will reflect what it does not know yet.
+    diffuse: Vec3,
+    /// Variance of its light by the light samples, mean of R, G and B.
+    variance: f32,
+}
+
 /// Traces primary rays.
 #[derive(Debug)]
 pub(crate) struct Primary<'a, S> {
@@ -163,8 +173,7 @@ impl<S: Secondary> Primary<'_, S> {
             let mut sampler = Sampler::new(self.seed, key, number);
             let place = sampler.next_pair();
             let film = position.as_vec2() + place;
-            let mut terms = Terms::default();
-            let mut diffuse = Vec3::ZERO;
+            let mut sample = Sample::default();
             stack.push(Branch {
                 ray: self.scene.camera_ray(film, self.size),
                 beta: Vec3::ONE,
@@ -179,11 +188,11 @@ impl<S: Secondary> Primary<'_, S> {
             while let Some(branch) = stack.pop() {
                 branch_number += 1;
                 sampler.start_bounce(branch_number);
-                self.step(branch, position, pixel, key, &mut sampler, &mut stack, &mut terms, &mut diffuse, found);
+                self.step(branch, position, pixel, key, &mut sampler, &mut stack, &mut sample, found);
             }
-            if terms.is_finite() {
-                found.sum.add_terms(&terms, 1.0);
-                found.noise.add(terms.sum(), diffuse);
+            if sample.terms.is_finite() {
+                found.sum.add_terms(&sample.terms, 1.0);
+                found.noise.add(sample.terms.sum(), sample.diffuse, sample.variance);
             } else {
                 found.dropped += 1;
             }
@@ -199,10 +208,10 @@ impl<S: Secondary> Primary<'_, S> {
         key: u64,
         sampler: &mut Sampler,
         stack: &mut Vec<Branch>,
-        terms: &mut Terms,
-        diffuse: &mut Vec3,
+        sample: &mut Sample,
         found: &mut PixelPoints,
     ) {
+        let terms = &mut sample.terms;
         let Branch { ray, chain, bounces, .. } = branch;
         let Some(hit) = self.scene.intersect(&ray) else {
             add_emission(terms, bounces, branch.beta * self.scene.background(ray.direction));
@@ -222,13 +231,14 @@ impl<S: Secondary> Primary<'_, S> {
             let shares_lobe = bounces == 0 && is_shared(&shading, self.plan);
             // What little light comes by, as by reflection in glass, needs few rays.
             let lobe_share = (!shares_lobe).then(|| beta.max_element() / branch.radiance_scale);
-            let light = self.direct_term().sample(&shading, position, lobe_share, sampler, &mut found.rays);
+            let (light, variance) = self.direct_term().sample(&shading, position, lobe_share, sampler, &mut found.rays);
             if bounces == 0 {
                 terms.direct += beta * light.direct;
             } else {
                 terms.specular += beta * light.direct;
             }
             terms.specular += beta * light.specular;
+            sample.variance += (beta.element_sum() / 3.0).powi(2) * variance;
             let footprint = length * self.scene.camera().pixel_angle(self.size);
             let point = SurfacePoint {
                 pixel,
@@ -247,7 +257,7 @@ impl<S: Secondary> Primary<'_, S> {
                 key: hash_pair(key, found.points.len() as u64),
             };
             // Light that the sample itself does not know.
-            *diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
+            sample.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
             add_point(&mut found.points, point, length);
         }
         if bounces < MAX_CHAIN {

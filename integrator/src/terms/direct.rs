@@ -98,7 +98,7 @@ impl Light {
 }
 
 impl<S: Secondary> DirectTerm<'_, S> {
-    /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for the diffuse lobe, not for the
+    /// Samples the light at a point that the pixel at `position` sees; tells also the variance of `direct`, mean of R, G and B, by its light samples (0 of a single one). The soft part of the sky is left to textures for the diffuse lobe, not for the
     /// glossy one, which takes a share of its usual rays, up to 1, or is left to neighbours.
     pub(crate) fn sample(
         &self,
@@ -107,24 +107,29 @@ impl<S: Secondary> DirectTerm<'_, S> {
         lobe_share: Option<f32>,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
-    ) -> Light {
+    ) -> (Light, f32) {
         let mut light = Light::default();
         let count = self.plan.light_samples;
         let has_light_choice = self.scene.lights().has_choice();
         let choice = self.light_guide.filter(|_| takes_guide(shading)).and_then(|guide| guide.at(position, shading));
         let ways = LightWays { count: 1, choice, sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways);
+        let mut sum_sq = 0.0;
         for mut sampler in sampler.split_into(count) {
             // The light and the point on it from one block, so that samples are stratified on each light too.
-            light.direct += lights.sample(sampler.next_4d_for(has_light_choice), rays) / count as f32;
+            let found = lights.sample(sampler.next_4d_for(has_light_choice), rays);
+            light.direct += found / count as f32;
+            sum_sq += (found.element_sum() / 3.0).powi(2);
         }
+        let mean = light.direct.element_sum() / 3.0;
+        let variance = (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32;
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
         }
         if let Some(share) = lobe_share.filter(|_| shading.bsdf.has_glossy()) {
             self.add_lobe(shading, position, share, sampler, rays, &mut light);
         }
-        light
+        (light, variance)
     }
 
     /// Adds what the glossy lobe finds by its samples, of which half follow a guide if there is one.
@@ -321,7 +326,7 @@ mod tests {
             let values: Vec<f64> = (0..2000)
                 .map(|pixel| {
                     let mut sampler = Sampler::new(1, pixel, 0);
-                    let light = term.sample(&shading, UVec2::ZERO, Some(share), &mut sampler, &mut rays);
+                    let (light, _) = term.sample(&shading, UVec2::ZERO, Some(share), &mut sampler, &mut rays);
                     f64::from(light.direct.x)
                 })
                 .collect();
@@ -393,7 +398,8 @@ mod tests {
             let values: Vec<f64> = (0..400)
                 .map(|pixel| {
                     let mut sampler = Sampler::new(1, pixel, 0);
-                    let light = term.sample(&shading, UVec2::ZERO, Some(1.0), &mut sampler, &mut RayCounts::default());
+                    let (light, _) =
+                        term.sample(&shading, UVec2::ZERO, Some(1.0), &mut sampler, &mut RayCounts::default());
                     f64::from(light.direct.x)
                 })
                 .collect();

@@ -193,6 +193,22 @@ impl Lights {
         self.count() > 1
     }
 
+    /// Whether none has any extent: only point and directional lights.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use scene::{Description, PunctualLight, Scene};
+    ///
+    /// let sun = PunctualLight::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+    /// let scene = Scene::new(Description { lights: vec![sun], ..Description::default() })?;
+    /// assert!(scene.lights().are_punctual() && !scene.lights().has_choice());
+    /// # Ok::<(), scene::BuildError>(())
+    /// ```
+    #[must_use]
+    pub fn are_punctual(&self) -> bool {
+        self.count() == self.punctual.len()
+    }
+
     /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene.
     #[must_use]
     pub fn total_flux(&self) -> Vec3 {
