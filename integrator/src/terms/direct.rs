@@ -98,8 +98,9 @@ impl Light {
 }
 
 impl<S: Secondary> DirectTerm<'_, S> {
-    /// Samples the light at a point that the pixel at `position` sees; tells also the variance of `direct`, mean of R, G and B, by its light samples (0 of a single one). The soft part of the sky is left to textures for the diffuse lobe, not for the
-    /// glossy one, which takes a share of its usual rays, up to 1, or is left to neighbours.
+    /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for the diffuse lobe, not for the
+    /// glossy one, which takes a share of its usual rays, up to 1, or is left to neighbours. Returns also the variance of the mean of the light samples, of R, G
+    /// and B together; 0 of a single one.
     pub(crate) fn sample(
         &self,
         shading: &Shading,
