@@ -238,7 +238,9 @@ fn primary_samples(settings: &Settings, has_many_lights: bool) -> (u32, Budget) 
         Some(spp) => (power_of_two(spp as f32 / 4.0).max(2).min(spp), Budget::Mean(spp)),
         None => {
             let most = if has_many_lights { 0.5 * MOST_SPP } else { MOST_SPP };
-            (power_of_two(8.0 * quality).max(2), Budget::Noise(noise(quality), round(most * quality, 8.0, 65_536.0)))
+            // Two tell too little of where the noise is.
+            let first = power_of_two(8.0 * quality.cbrt()).max(2);
+            (first, Budget::Noise(noise(quality), round(most * quality, 8.0, 65_536.0)))
         }
     }
 }
