@@ -120,29 +120,13 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
 }
 
 fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
-    let starts = &elements.layer_starts;
-    if starts.len() < 2 || starts.len() > 257 || starts[0] != 0 || starts.windows(2).any(|w| w[0] > w[1]) {
-        return Err("its layers are not in order");
+    elements.check_layout()?;
+    if elements.len() > n * n {
+        return Err("it has more elements than texels");
     }
-    let padded = elements.len().next_multiple_of(crate::LANES);
-    let floats = elements
-        .x
-        .iter()
-        .chain(&elements.y)
-        .chain(&elements.z)
-        .chain(&elements.radiance)
-        .chain([&elements.background_share]);
-    let lengths = floats.clone().map(Vec::len).chain([
-        elements.finite.len(),
-        elements.start.len(),
-        elements.size.len(),
-        elements.sides.len(),
-        elements.view_dependent.len(),
-    ]);
-    if elements.len() > n * n || lengths.into_iter().any(|length| length != padded) {
-        return Err("its arrays of elements differ in length");
-    }
-    if !floats.chain([&elements.finite]).flatten().all(|x| x.is_finite()) {
+    let Elements { x, y, z, radiance, background_share, finite, .. } = elements;
+    let floats = [x, y, z, background_share, finite].into_iter().chain(radiance);
+    if !floats.flatten().all(|x| x.is_finite()) {
         return Err("an element is not finite");
     }
     if !elements.finite.iter().all(|&finite| finite == 0.0 || finite == 1.0) {
@@ -216,7 +200,7 @@ mod tests {
         assert!(wrong(|r| r.elements.finite[0] = 0.5).contains("infinity"));
         assert!(wrong(|r| r.samples.normal[2].x = f32::NAN).contains("texel"));
         assert!(wrong(|r| r.samples.jitter[2].x = 7.0).contains("texel"));
-        assert!(wrong(|r| r.elements.x[2].truncate(3)).contains("length"));
+        assert!(wrong(|r| r.elements.x.truncate(3)).contains("length"));
         assert!(wrong(|r| r.frame[0] = Vec3::ZERO).contains("orthonormal"));
         assert!(wrong(|r| r.elements.layer_starts[1] = 1_000_000).contains("order"));
     }

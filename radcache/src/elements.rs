@@ -3,9 +3,10 @@
 use std::ops::{BitOr, Range};
 
 use glam::Vec3A;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::merge::{Block, MergeSettings, merge};
+use crate::outline::Outline;
 use crate::samples::append_directions;
 use crate::silhouette::{plane_distance, silhouettes};
 use crate::{MAX_RESOLUTION, Samples, depth_layers};
@@ -52,15 +53,15 @@ impl BitOr for Sides {
 /// The s-elements of a record, nearest layer first, in the frame of the record and relative to its centre.
 ///
 /// Corners run round the element: (u0, v0), (u1, v0), (u1, v1), (u0, v1). An element at infinity has `finite` 0 and
-/// directions as corners. Each array is [`Self::padded_len`] long.
+/// directions as corners. Each array is [`Self::padded_len`] long, those of corners four times as long.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Elements {
-    /// x of the four corners, metres.
-    pub x: [Vec<f32>; 4],
-    /// y of the four corners, metres.
-    pub y: [Vec<f32>; 4],
-    /// z of the four corners, metres; not negative.
-    pub z: [Vec<f32>; 4],
+    /// x of the corners, metres: corner `k` of element `e` has the number `k * padded_len + e`.
+    pub x: Vec<f32>,
+    /// y of the corners, metres.
+    pub y: Vec<f32>,
+    /// z of the corners, metres; not negative.
+    pub z: Vec<f32>,
     /// 1 for an element at a distance, 0 for one at infinity, which does not move.
     pub finite: Vec<f32>,
     /// Share of the radiance that comes from infinity, see [`Samples::background_share`].
@@ -77,6 +78,9 @@ pub struct Elements {
     pub view_dependent: Vec<bool>,
     /// Start of each layer, and the number of elements at the end.
     pub(crate) layer_starts: Vec<u32>,
+    /// What follows from all that, so that it need not be written or read.
+    #[serde(skip)]
+    pub(crate) outline: Outline,
 }
 
 impl Elements {
@@ -99,9 +103,9 @@ impl Elements {
         let padded = blocks.len().next_multiple_of(LANES);
         let zeros = || vec![0.0; padded];
         let mut elements = Self {
-            x: std::array::from_fn(|_| zeros()),
-            y: std::array::from_fn(|_| zeros()),
-            z: std::array::from_fn(|_| zeros()),
+            x: vec![0.0; 4 * padded],
+            y: vec![0.0; 4 * padded],
+            z: vec![0.0; 4 * padded],
             finite: vec![1.0; padded],
             background_share: zeros(),
             radiance: std::array::from_fn(|_| zeros()),
@@ -110,11 +114,40 @@ impl Elements {
             sides: vec![Sides::NONE; padded],
             view_dependent: vec![false; padded],
             layer_starts,
+            outline: Outline::default(),
         };
         for (e, block) in blocks.iter().enumerate() {
             elements.fill(e, block, &grid);
         }
+        elements.outline = Outline::of(&elements);
         elements
+    }
+
+    /// Reads elements, and finds their outline.
+    pub(crate) fn deserialize_whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut elements = Self::deserialize(deserializer)?;
+        if elements.check_layout().is_ok() {
+            elements.outline = Outline::of(&elements);
+        }
+        Ok(elements)
+    }
+
+    /// Whether the arrays fit together, or what does not.
+    pub(crate) fn check_layout(&self) -> Result<(), &'static str> {
+        let starts = &self.layer_starts;
+        if starts.len() < 2 || starts.len() > 257 || starts[0] != 0 || starts.windows(2).any(|w| w[0] > w[1]) {
+            return Err("its layers are not in order");
+        }
+        let padded = self.len().next_multiple_of(LANES);
+        let once = [&self.finite, &self.background_share].into_iter().chain(&self.radiance).map(Vec::len);
+        let lists = [self.start.len(), self.size.len(), self.sides.len(), self.view_dependent.len()];
+        let corners = [&self.x, &self.y, &self.z].map(Vec::len);
+        let fits = once.chain(lists).all(|len| len == padded) && corners.iter().all(|&len| len == 4 * padded);
+        if fits && self.len() <= MAX_RESOLUTION * MAX_RESOLUTION {
+            Ok(())
+        } else {
+            Err("its arrays of elements differ in length")
+        }
     }
 
     /// Number of elements.
@@ -150,7 +183,21 @@ impl Elements {
     /// Corner `k` of element `e`, in the frame of the record.
     #[must_use]
     pub fn corner(&self, e: usize, k: usize) -> Vec3A {
-        Vec3A::new(self.x[k][e], self.y[k][e], self.z[k][e])
+        let number = k * self.padded_len() + e;
+        Vec3A::new(self.x[number], self.y[number], self.z[number])
+    }
+
+    /// Corner `k` of element `e` in the texel grid of the record: column and row.
+    #[must_use]
+    pub fn grid_corner(&self, e: usize, k: usize) -> [f32; 2] {
+        let ([i, j], [w, h]) = (self.start[e].map(f32::from), self.size[e].map(f32::from));
+        [if k == 1 || k == 2 { i + w } else { i }, if k >= 2 { j + h } else { j }]
+    }
+
+    /// The sides that are silhouettes.
+    #[must_use]
+    pub fn outline(&self) -> &Outline {
+        &self.outline
     }
 
     /// Bytes that the arrays take.
@@ -158,6 +205,7 @@ impl Elements {
     pub fn memory_bytes(&self) -> usize {
         self.padded_len() * (17 * size_of::<f32>() + 4 + size_of::<Sides>() + size_of::<bool>())
             + self.layer_starts.len() * 4
+            + self.outline.memory_bytes()
     }
 
     fn fill(&mut self, e: usize, block: &Block, grid: &Grid) {
@@ -166,14 +214,11 @@ impl Elements {
         let [i0, j0] = block.start.map(usize::from);
         let [w, h] = block.size.map(usize::from);
         let texels = || (j0..j0 + h).flat_map(move |j| (i0..i0 + w).map(move |i| j * n + i));
-        let range = texels()
-            .fold((f32::INFINITY, 0.0f32), |(lo, hi), t| (lo.min(samples.distance[t]), hi.max(samples.distance[t])));
         let corners = [(i0, j0), (i0 + w, j0), (i0 + w, j0 + h), (i0, j0 + h)];
         for (k, (i, j)) in corners.into_iter().enumerate() {
-            let corner = grid.corner_point(block, (i, j), range);
-            self.x[k][e] = corner.x;
-            self.y[k][e] = corner.y;
-            self.z[k][e] = corner.z;
+            let corner = grid.corner_point(block, (i, j));
+            let number = k * self.padded_len() + e;
+            (self.x[number], self.y[number], self.z[number]) = corner.into();
         }
         self.finite[e] = if block.is_infinite() { 0.0 } else { 1.0 };
         let sum: glam::DVec3 = texels().map(|t| samples.radiance[t].as_dvec3()).sum();
@@ -220,12 +265,11 @@ impl<'a> Grid<'a> {
         Self { samples, points, sides, corners }
     }
 
-    /// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity. `range` is that of the
-    /// distances of the block.
+    /// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity.
     ///
     /// The plane of a surface that curves away, or of one seen at a grazing angle, runs far beyond it, so the distance stays within those
     /// that rays found around the corner. Elements that reach farther would cover too much once the point moves.
-    fn corner_point(&self, block: &Block, (i, j): (usize, usize), range: (f32, f32)) -> Vec3A {
+    fn corner_point(&self, block: &Block, (i, j): (usize, usize)) -> Vec3A {
         /// A little room for what lies between the rays.
         const STRETCH: f32 = 1.1;
         /// Metres; the square of what is farther is no number of f32, and would make none of what is computed from it.
@@ -235,7 +279,7 @@ impl<'a> Grid<'a> {
             return direction;
         }
         let (centre, normal) = (block.centre(), block.normal());
-        let (nearest, farthest) = self.distances_around(centre, normal, (i, j), range);
+        let (nearest, farthest) = self.distances_around(centre, normal, (i, j), block.distances.into());
         // Where there is no normal, the element faces the record.
         let t = if normal == Vec3A::ZERO { farthest } else { plane_distance(centre, normal, direction) };
         direction * t.clamp(nearest / STRETCH, farthest * STRETCH).min(FARTHEST)
@@ -286,7 +330,7 @@ mod tests {
 
     #[test]
     fn corners_lie_on_the_plane() {
-        let elements = Elements::new(&ceiling(16), 8, &MergeSettings::default());
+        let elements = Elements::new(&ceiling(32), 8, &MergeSettings::default());
         let mut checked = 0;
         for e in 0..elements.len() {
             for k in 0..4 {

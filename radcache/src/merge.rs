@@ -1,8 +1,22 @@
 //! Merging of neighbouring texels into s-elements, in alternating passes along rows and columns (paper, section 5.2).
+//!
+//! The paper merges within a depth layer. But layers are there to tell what hides what, and the more of them the better, while a wall that runs through
+//! many of them is cut into slivers: so blocks may span layers, and belong to the nearest of theirs. What limits their depth instead is how much they change
+//! their shape when the point moves.
 
 use glam::Vec3A;
 
 use crate::Samples;
+
+/// How deep a block of texels may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DepthRange {
+    /// One depth layer, as in the paper.
+    Layer,
+    /// Largest difference of 1 / distance between its texels, in units of 1 / harmonic mean distance of the record. A point that is `d` away from the
+    /// record sees a texel at the distance `t` turned by about `d / t`, so this bounds by how much more one end of a block moves than the other.
+    Parallax(f32),
+}
 
 /// When two neighbouring blocks of texels may become one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,15 +28,23 @@ pub struct MergeSettings {
     pub min_normal_cos: f32,
     /// Largest distance of one block's centre from the plane of the other, as a share of its distance from the record.
     pub plane_tolerance: f32,
+    /// How deep a block may be.
+    pub depth: DepthRange,
     /// Largest contrast of radiance, |a - b| / (a + b) by luminance. Above 1 it never hinders a merge, which is enough where
     /// only irradiance is wanted; a glossy lobe sees the mean of an element and wants less.
     pub max_contrast: f32,
 }
 
 impl Default for MergeSettings {
-    /// Sides of up to 4 texels, normals within 10 degrees, planes within 2 % of the distance, any contrast.
+    /// Sides of up to 4 texels, normals within 10 degrees, planes within 2 % of the distance, a parallax of 0.3, any contrast.
     fn default() -> Self {
-        Self { max_side: 4, min_normal_cos: 0.985, plane_tolerance: 0.02, max_contrast: 2.0 }
+        Self {
+            max_side: 4,
+            min_normal_cos: 0.985,
+            plane_tolerance: 0.02,
+            depth: DepthRange::Parallax(0.3),
+            max_contrast: 2.0,
+        }
     }
 }
 
@@ -33,8 +55,12 @@ pub struct Block {
     pub start: [u8; 2],
     /// Number of columns and rows.
     pub size: [u8; 2],
-    /// Depth layer of all its texels.
+    /// Nearest depth layer of its texels.
     pub layer: u8,
+    /// The farthest one.
+    last_layer: u8,
+    /// Least and greatest distance of its texels, metres.
+    pub(crate) distances: [f32; 2],
     /// Sum of the hit points, in the frame of the record.
     pub(crate) point_sum: Vec3A,
     /// Sum of the normals.
@@ -65,8 +91,15 @@ impl Block {
         self.infinite
     }
 
-    fn agrees(&self, other: &Self, settings: &MergeSettings) -> bool {
-        let kind = |block: &Self| (block.layer, block.infinite, block.view_dependent);
+    /// Layers and distances of both together.
+    fn depth_with(&self, other: &Self) -> ([u8; 2], [f32; 2]) {
+        let layers = [self.layer.min(other.layer), self.last_layer.max(other.last_layer)];
+        let [near, far] = [self.distances, other.distances];
+        (layers, [near[0].min(far[0]), near[1].max(far[1])])
+    }
+
+    fn agrees(&self, other: &Self, settings: &MergeSettings, harmonic_distance: f32) -> bool {
+        let kind = |block: &Self| (block.infinite, block.view_dependent);
         if kind(self) != kind(other) {
             return false;
         }
@@ -77,6 +110,14 @@ impl Block {
         if self.infinite {
             return true;
         }
+        let (layers, distances) = self.depth_with(other);
+        let is_flat = match settings.depth {
+            DepthRange::Layer => layers[0] == layers[1],
+            DepthRange::Parallax(most) => harmonic_distance * (1.0 / distances[0] - 1.0 / distances[1]) <= most,
+        };
+        if !is_flat {
+            return false;
+        }
         let (ca, cb) = (self.centre(), other.centre());
         let (na, nb) = (self.normal(), other.normal());
         let limit = settings.plane_tolerance * ca.length().min(cb.length());
@@ -84,6 +125,7 @@ impl Block {
     }
 
     fn absorb(&mut self, other: &Self, axis: usize) {
+        ([self.layer, self.last_layer], self.distances) = self.depth_with(other);
         self.size[axis] += other.size[axis];
         self.point_sum += other.point_sum;
         self.normal_sum += other.normal_sum;
@@ -94,9 +136,10 @@ impl Block {
 /// Divides the texels into blocks: each texel is in exactly one. `points` and `layers` hold what each texel met and its depth layer.
 ///
 /// A pass along the rows merges each block with its right neighbour of the same rows, once; then a pass along the columns does
-/// the same downwards. Sides so double from pass to pass and blocks stay compact. Ends when neither pass merges anything.
+/// the same downwards. Sides so about double from pass to pass and blocks stay compact. Ends when neither pass merges anything.
 pub(crate) fn merge(samples: &Samples, points: &[Vec3A], layers: &[u8], settings: &MergeSettings) -> Vec<Block> {
     let n = samples.resolution();
+    let harmonic_distance = samples.harmonic_distance();
     let mut blocks: Vec<Block> = (0..n * n).map(|texel| single(samples, points, layers, texel)).collect();
     // The block that holds each texel.
     let mut owner: Vec<u16> = (0..n * n).map(|texel| u16::try_from(texel).expect("n <= 64")).collect();
@@ -104,7 +147,7 @@ pub(crate) fn merge(samples: &Samples, points: &[Vec3A], layers: &[u8], settings
     let mut idle = 0;
     let mut axis = 0;
     while idle < 2 {
-        let merged = pass(&mut blocks, &mut owner, &mut dead, n, axis, settings);
+        let merged = pass(&mut blocks, &mut owner, &mut dead, n, axis, settings, harmonic_distance);
         idle = if merged { 0 } else { idle + 1 };
         axis = 1 - axis;
     }
@@ -121,6 +164,8 @@ fn single(samples: &Samples, points: &[Vec3A], layers: &[u8], texel: usize) -> B
         start: [to_u8(texel % n), to_u8(texel / n)],
         size: [1, 1],
         layer: layers[texel],
+        last_layer: layers[texel],
+        distances: [samples.distance[texel]; 2],
         point_sum: points[texel],
         normal_sum: samples.normal[texel].into(),
         luminance_sum: (l.x + l.y + l.z) / 3.0,
@@ -137,6 +182,7 @@ fn pass(
     n: usize,
     axis: usize,
     settings: &MergeSettings,
+    harmonic_distance: f32,
 ) -> bool {
     let mut merged = false;
     for first in 0..blocks.len() {
@@ -154,9 +200,8 @@ fn pass(
         let b = blocks[second];
         let fits = a.start[1 - axis] == b.start[1 - axis]
             && a.size[1 - axis] == b.size[1 - axis]
-            && a.size[axis] == b.size[axis]
             && a.size[axis] + b.size[axis] <= settings.max_side;
-        if !(fits && a.agrees(&b, settings)) {
+        if !(fits && a.agrees(&b, settings, harmonic_distance)) {
             continue;
         }
         blocks[first].absorb(&b, axis);
@@ -177,30 +222,65 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
+    /// A wall beside the record, and a roof.
+    fn wall_and_roof(n: usize) -> Samples {
+        Samples::from_fn(n, |wi| {
+            let wall = if wi.x > 0.4 { 1.0 / wi.x } else { f32::INFINITY };
+            let roof = 2.0 / wi.z;
+            if wall < roof { (Vec3::X, wall, Vec3A::NEG_X) } else { (Vec3::Y, roof, Vec3A::NEG_Z) }
+        })
+    }
+
+    /// The blocks of samples in 32 layers, and the layer of each texel.
+    fn blocks_of(samples: &Samples, depth: DepthRange) -> (Vec<Block>, Vec<u8>) {
+        let mut layers = vec![0; samples.distance.len()];
+        crate::depth_layers(&samples.distance, 32, &mut layers);
+        let settings = MergeSettings { depth, ..MergeSettings::default() };
+        (merge(samples, &samples.points(), &layers, &settings), layers)
+    }
+
+    fn texels_of(block: &Block, n: usize) -> impl Iterator<Item = usize> {
+        let ([i, j], [w, h]) = (block.start.map(usize::from), block.size.map(usize::from));
+        (j..j + h).flat_map(move |j| (i..i + w).map(move |i| j * n + i))
+    }
+
     #[test]
     fn every_texel_is_in_exactly_one_block() {
-        for n in [1, 7, 16, 33] {
-            let samples = Samples::from_fn(n, |wi| {
-                let wall = if wi.x > 0.4 { 1.0 / wi.x } else { f32::INFINITY };
-                let roof = 2.0 / wi.z;
-                if wall < roof { (Vec3::X, wall, Vec3A::NEG_X) } else { (Vec3::Y, roof, Vec3A::NEG_Z) }
-            });
-            let mut layers = vec![0; n * n];
-            crate::depth_layers(&samples.distance, 8, &mut layers);
-            let blocks = merge(&samples, &samples.points(), &layers, &MergeSettings::default());
+        for (n, depth) in
+            [1, 7, 16, 33].into_iter().flat_map(|n| [(n, DepthRange::Layer), (n, DepthRange::Parallax(0.3))])
+        {
+            let (blocks, layers) = blocks_of(&wall_and_roof(n), depth);
             let mut covered = vec![0; n * n];
-            for b in &blocks {
-                for j in 0..b.size[1] {
-                    for i in 0..b.size[0] {
-                        let texel = usize::from(b.start[1] + j) * n + usize::from(b.start[0] + i);
-                        covered[texel] += 1;
-                        assert_eq!(layers[texel], b.layer, "one layer a block");
-                    }
-                }
+            for block in &blocks {
+                texels_of(block, n).for_each(|texel| covered[texel] += 1);
+                let nearest = texels_of(block, n).map(|texel| layers[texel]).min();
+                assert_eq!(nearest, Some(block.layer), "a block belongs to its nearest layer");
             }
             assert!(covered.iter().all(|&c| c == 1), "n = {n}");
-            assert!(n < 16 || blocks.len() * 3 < n * n * 2, "planes merge: {} of {}", blocks.len(), n * n);
+            assert!(n < 16 || blocks.len() * 4 < n * n * 3, "planes merge: {} of {}", blocks.len(), n * n);
         }
+    }
+
+    #[test]
+    fn blocks_are_no_deeper_than_is_allowed() {
+        let n = 32;
+        let samples = wall_and_roof(n);
+        let (in_layers, layers) = blocks_of(&samples, DepthRange::Layer);
+        for block in &in_layers {
+            assert!(texels_of(block, n).all(|texel| layers[texel] == block.layer), "one layer a block");
+        }
+        let mut counts = vec![in_layers.len()];
+        for most in [0.1, 0.3, 1.0] {
+            let (blocks, _) = blocks_of(&samples, DepthRange::Parallax(most));
+            for block in &blocks {
+                let inverse = || texels_of(block, n).map(|texel| samples.harmonic_distance() / samples.distance[texel]);
+                let (low, high) = inverse().fold((f32::INFINITY, 0.0f32), |(low, high), x| (low.min(x), high.max(x)));
+                assert!(high - low <= most * 1.001, "{high} and {low} differ by more than {most}");
+            }
+            counts.push(blocks.len());
+        }
+        assert!(counts.is_sorted_by(|more, less| more > less), "the deeper they may be, the fewer: {counts:?}");
+        assert!(2 * counts[2] < counts[0], "layers cut them into more than twice as many: {counts:?}");
     }
 
     #[test]

@@ -29,6 +29,7 @@ pub struct Record {
     pub(crate) centre: Vec3,
     pub(crate) frame: [Vec3; 3],
     pub(crate) samples: Samples,
+    #[serde(deserialize_with = "Elements::deserialize_whole")]
     pub(crate) elements: Elements,
     pub(crate) harmonic_distance: f32,
     pub(crate) radius: f32,

@@ -3,7 +3,9 @@
 use glam::{Vec3, Vec3A};
 use hemimap::Frame;
 use proptest::prelude::*;
-use radcache::{Index, MergeSettings, Record, RecordSettings, Samples, Sides, Validity, from_bytes, to_bytes};
+use radcache::{
+    DepthRange, Index, MergeSettings, Record, RecordSettings, Samples, Sides, Validity, from_bytes, to_bytes,
+};
 
 const FRAME: Frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };
 
@@ -34,13 +36,14 @@ fn record(p: Vec3A, frame: Frame, n: usize, settings: &RecordSettings, validity:
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Every texel is in one element of its own layer, and elements keep the sum of radiance.
+    /// Every texel is in one element, elements are in the layers of their nearest texels, and they keep the sum of radiance.
     #[test]
     fn elements_tile_the_texture(
         x in -0.9f32..0.9, y in -0.9f32..0.9, z in -0.99f32..-0.8, n in 1usize..=64,
         layers in prop_oneof![Just(1usize), Just(2), Just(16), Just(256)], max_side in 0u8..=64, max_contrast in 0.0f32..2.0,
+        depth in prop_oneof![Just(DepthRange::Layer), (0.0f32..2.0).prop_map(DepthRange::Parallax)],
     ) {
-        let merge = MergeSettings { max_side, max_contrast, ..MergeSettings::default() };
+        let merge = MergeSettings { max_side, max_contrast, depth, ..MergeSettings::default() };
         let record = record(Vec3A::new(x, y, z), FRAME, n, &RecordSettings { layers, merge }, &Validity::default());
         let (elements, samples) = (record.elements(), record.samples());
         let mut owner = vec![None; n * n];
@@ -60,13 +63,20 @@ proptest! {
         prop_assert!(owner.iter().all(Option::is_some), "every texel is in an element");
         let whole: glam::DVec3 = samples.radiance.iter().map(|l| l.as_dvec3()).sum();
         prop_assert!((sum / whole - 1.0).abs().max_element() < 1e-6, "{} for {}", sum, whole);
-        // Layers are ordered: what a farther one holds is not nearer than any of a nearer one.
+        // Layers are ordered: of what a farther one holds, the nearest ends are not nearer than those of a nearer one, and the farthest neither
+        // where no element runs through several.
+        let mut ends = vec![[f32::INFINITY, 0.0]; elements.len()];
+        for (e, &distance) in owner.iter().zip(&samples.distance) {
+            let [near, far] = &mut ends[e.unwrap()];
+            (*near, *far) = (near.min(distance), far.max(distance));
+        }
+        let last = if depth == DepthRange::Layer { 1 } else { 0 };
         let mut farthest_before = 0.0f32;
         for layer in 0..elements.layer_count() {
-            let texels = || owner.iter().zip(&samples.distance).filter(|(e, _)| elements.layer(layer).contains(&e.unwrap()));
-            let (near, far) = texels().fold((f32::INFINITY, 0.0f32), |(lo, hi), (_, &d)| (lo.min(d), hi.max(d)));
-            prop_assert!(near >= farthest_before, "layer {}: {} after {}", layer, near, farthest_before);
-            farthest_before = farthest_before.max(far);
+            let ends = &ends[elements.layer(layer)];
+            let nearest = ends.iter().fold(f32::INFINITY, |low, end| low.min(end[0]));
+            prop_assert!(nearest >= farthest_before, "layer {}: {} after {}", layer, nearest, farthest_before);
+            farthest_before = ends.iter().fold(farthest_before, |high, end| high.max(end[last]));
         }
         // What is written comes back.
         prop_assert_eq!(&from_bytes(&to_bytes(std::slice::from_ref(&record)).unwrap()).unwrap()[0], &record);
@@ -162,7 +172,7 @@ fn silhouettes_lie_where_the_ball_ends() {
     let (on_ball, elsewhere): (Vec<_>, Vec<_>) = marked.partition(|&e| ball(e));
     assert!(on_ball.len() > 8, "the outline of the ball: {}", on_ball.len());
     // Walls meet in creases, which hide nothing; where both are seen at a grazing angle, a texel may take one for an edge.
-    assert!(elsewhere.len() * 20 < elements.len(), "{} of {} elements", elsewhere.len(), elements.len());
+    assert!(elsewhere.len() * 50 < 32 * 32, "{} of {} elements", elsewhere.len(), elements.len());
 }
 
 #[test]

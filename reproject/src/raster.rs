@@ -16,8 +16,7 @@ const MAX_CORNERS: usize = 8;
 
 /// Sets rows to the texel centres that the polygon covers, and tells which rows: the others keep what they had.
 ///
-/// A centre on an edge belongs to the polygon at its right, or above it: polygons that share an edge share no centre and leave
-/// none out. Corners are in the square; what lies outside [0, 1] is cut off. Corners that are not numbers cover nothing sensible
+/// A centre on an edge belongs to one of the polygons that share it: they share no centre and leave none out. Corners are in the square; what lies outside [0, 1] is cut off. Corners that are not numbers cover nothing sensible
 /// but do no harm.
 ///
 /// # Panics
@@ -42,10 +41,10 @@ pub fn polygon_rows(corners: &[Vec2], n: usize, rows: &mut Rows) -> Range<usize>
 fn rows_of<const E: usize>(corners: [Vec2; E], n: usize, rows: &mut Rows) -> Range<usize> {
     assert!(n <= MAX_RESOLUTION, "at most 64 rows");
     let scale = Vec4::splat(n as f32);
-    // In units of texels, with the centres on whole numbers.
+    // In units of texels, with the centres of rows on whole numbers.
     let lanes = |at: usize| {
         let [a, b, c, d] = [corners[at % E], corners[(at + 1) % E], corners[(at + 2) % E], corners[(at + 3) % E]];
-        (Vec4::new(a.x, b.x, c.x, d.x) * scale - 0.5, Vec4::new(a.y, b.y, c.y, d.y) * scale - 0.5)
+        (Vec4::new(a.x, b.x, c.x, d.x) * scale, Vec4::new(a.y, b.y, c.y, d.y) * scale - 0.5)
     };
     let mut edges = [Edges::default(); MAX_CORNERS / 4];
     let edges = &mut edges[..E / 4];
@@ -74,8 +73,8 @@ fn rows_of<const E: usize>(corners: [Vec2; E], n: usize, rows: &mut Rows) -> Ran
             let crossing = edges.x_low + (centre - edges.y_low) * edges.slope;
             // Level edges cross no row, which also keeps their slopes out.
             let crosses = edges.y_low.cmple(centre) & centre.cmplt(edges.y_high);
-            let firsts = first_centres(Vec4::select(crosses, crossing, Vec4::ZERO), scale);
-            bits ^= BELOW[firsts[0]] ^ BELOW[firsts[1]] ^ BELOW[firsts[2]] ^ BELOW[firsts[3]];
+            let [a, b, c, d] = nearest_wholes(Vec4::select(crosses, crossing, Vec4::ZERO), scale);
+            bits ^= BELOW[a] ^ BELOW[b] ^ BELOW[c] ^ BELOW[d];
         }
         *out = bits;
     }
@@ -122,19 +121,29 @@ static BELOW: [u64; 128] = {
     below
 };
 
-/// The first of `scale` centres at or above each x, `scale` if there is none, 0 for what is not a number: the ceiling, whose
-/// function costs a call where the processor need not have SSE4.
+/// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits. The functions that round cost a call where the
+/// processor need not have SSE4.
+const ROUND: f32 = 8_388_608.0;
+
+/// The whole number in [0, scale] that is nearest to each x: so many of the centres lie at its left. 0 for what is not a number.
+#[inline(always)]
+fn nearest_wholes(x: Vec4, scale: Vec4) -> [usize; 4] {
+    low_bits(x.max(Vec4::ZERO).min(scale) + ROUND)
+}
+
+/// The first of `scale` whole numbers at or above each x, `scale` if there is none, 0 for what is not a number: the ceiling.
 #[inline(always)]
 fn first_centres(x: Vec4, scale: Vec4) -> [usize; 4] {
-    /// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits.
-    const ROUND: f32 = 8_388_608.0;
     let x = x.max(Vec4::ZERO).min(scale);
     let shifted = x + ROUND;
     let up = Vec4::select((shifted - ROUND).cmplt(x), Vec4::ONE, Vec4::ZERO);
-    // At most 64; the mask only proves that the table is long enough.
-    let [a, b, c, d] = (shifted + up).to_array();
-    let index = |x: f32| (x.to_bits() & 0x7f) as usize;
-    [index(a), index(b), index(c), index(d)]
+    low_bits(shifted + up)
+}
+
+/// At most 64; the mask only proves that the table is long enough.
+#[inline(always)]
+fn low_bits(shifted: Vec4) -> [usize; 4] {
+    shifted.to_array().map(|x| (x.to_bits() & 0x7f) as usize)
 }
 
 #[cfg(test)]
@@ -162,10 +171,11 @@ mod tests {
             for i in 0..n {
                 let (mut winding, mut crossings) = (0, 0);
                 for k in 0..corners.len() {
-                    let a = corners[k] * n as f32 - 0.5;
-                    let b = corners[(k + 1) % corners.len()] * n as f32 - 0.5;
+                    // Centres lie at whole y, and half between whole x; of one on an edge rounding decides.
+                    let a = corners[k] * n as f32 - Vec2::new(0.0, 0.5);
+                    let b = corners[(k + 1) % corners.len()] * n as f32 - Vec2::new(0.0, 0.5);
                     let y = j as f32;
-                    if (a.y <= y) != (b.y <= y) && crossing(a, b, y) <= i as f32 {
+                    if (a.y <= y) != (b.y <= y) && crossing(a, b, y).round_ties_even() <= i as f32 {
                         winding += if b.y > a.y { 1 } else { -1 };
                         crossings += 1;
                     }
@@ -185,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn first_centre_is_the_ceiling() {
+    fn first_centre_is_the_ceiling_and_the_nearest_whole_rounds() {
         let first = |x: f32, n: u8| first_centres(Vec4::splat(x), Vec4::splat(f32::from(n)))[3];
         for k in -200..=2000i16 {
             let x = f32::from(k) / 16.0;
@@ -195,6 +205,14 @@ mod tests {
                 }
             }
         }
+        let nearest = |x: f32, n: u8| nearest_wholes(Vec4::splat(x), Vec4::splat(f32::from(n)))[3];
+        for k in -200..=2000i16 {
+            let x = f32::from(k) / 16.0;
+            for x in [x.next_down(), x, x.next_up()] {
+                assert_eq!(nearest(x, 64) as f32, x.clamp(0.0, 64.0).round_ties_even(), "of {x}");
+            }
+        }
+        assert_eq!(nearest(f32::NAN, 64), 0);
         assert_eq!(first(f32::INFINITY, 64), 64);
         assert_eq!(first(f32::NEG_INFINITY, 64), 0);
         assert_eq!(first(f32::NAN, 64), 0);

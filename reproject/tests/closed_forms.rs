@@ -193,8 +193,8 @@ fn retreating_edges_leave_no_bias() {
         // In texels along the edge, which is about n of them long.
         let [with, without] = errors.map(|errors: [f64; 2]| errors.map(|error| error * n as f64));
         println!("moved by up to {reach}: {with:.3?} of a texel with margins, {without:.3?} without");
-        assert!(with.iter().all(|error| error.abs() < 0.1), "moved by up to {reach}: {with:?} of a texel too much");
-        assert!(without[1] > 0.2, "without margins they do: {without:?}");
+        assert!(with[0].abs() < 0.1 && with[1].abs() < 0.15, "moved by up to {reach}: {with:?} of a texel too much");
+        assert!(without[1] > with[1] + 0.1, "without margins they are more: {without:?}");
     }
 }
 
@@ -307,7 +307,7 @@ fn uv_area_is_the_form_factor() {
         [(1, false, 1.3e-3 * 1.2, 0.12), (4, true, 1.9e-2 * 1.2, 0.25)]
     {
         let merge = if merge_all {
-            MergeSettings { max_side, min_normal_cos: 0.5, plane_tolerance: 0.5, max_contrast: 2.0 }
+            MergeSettings { max_side, min_normal_cos: 0.5, plane_tolerance: 0.5, ..MergeSettings::default() }
         } else {
             MergeSettings { max_side, ..MergeSettings::default() }
         };

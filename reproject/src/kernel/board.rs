@@ -131,10 +131,25 @@ pub(crate) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Whether silhouettes have margins.
+    /// Whether the normal of the point is not that of the record.
     #[inline(always)]
-    pub(crate) fn has_margins(&self) -> bool {
-        self.settings.margins && self.settings.trails == Trails::Silhouettes
+    pub(crate) fn is_turned(&self) -> bool {
+        self.rotation != Mat3A::IDENTITY
+    }
+
+    /// Number of trails: one for each silhouette, or for each element.
+    #[inline(always)]
+    pub(crate) fn trail_count(&self) -> usize {
+        match self.settings.trails {
+            Trails::Silhouettes => self.elements.outline().len(),
+            Trails::All => self.elements.len(),
+        }
+    }
+
+    /// What a silhouette takes of its margin.
+    #[inline(always)]
+    pub(crate) fn margin(&self, margin: f32) -> f32 {
+        if self.settings.margins { margin } else { 0.0 }
     }
 }
 
@@ -160,8 +175,10 @@ fn grow<T: Copy + Default>(list: &mut Vec<T>, len: usize) {
 /// What is known of each element in the square; padded as the elements are.
 #[derive(Debug, Default)]
 pub(crate) struct Places {
-    pub(crate) u: [Vec<f32>; 4],
-    pub(crate) v: [Vec<f32>; 4],
+    /// Corner `k` of element `e` has the number `k * padded_len + e`, as in [`Elements`].
+    pub(crate) u: Vec<f32>,
+    pub(crate) v: Vec<f32>,
+    padded: usize,
     /// See [`kind`].
     pub(crate) kind: Vec<u8>,
     /// Area in the square.
@@ -172,43 +189,31 @@ pub(crate) struct Places {
     pub(crate) counts: Vec<[u16; 2]>,
     /// Elements whose kind is neither 0 nor high, in order.
     pub(crate) slow: Vec<u16>,
-    /// Sides that leave trails: element times four plus side, in order.
-    pub(crate) trails: Vec<u16>,
-    pub(crate) trail_count: usize,
-    /// Elements with such sides.
-    pub(crate) marked: Vec<u16>,
-    pub(crate) trail_kind: Vec<u8>,
+    /// First row and kind of each trail.
     pub(crate) trail_first: Vec<u8>,
-    /// The same of the margins of those sides.
-    pub(crate) margin_kind: Vec<u8>,
-    pub(crate) margin_first: Vec<u8>,
+    pub(crate) trail_kind: Vec<u8>,
 }
 
 impl Places {
-    /// Makes room; the contents are left over from before.
-    fn grow(&mut self, padded: usize) {
-        for list in self.u.iter_mut().chain(&mut self.v).chain([&mut self.area]) {
-            grow(list, padded);
-        }
+    /// Makes room for so many elements and trails; the contents are left over from before.
+    fn grow(&mut self, padded: usize, trails: usize) {
+        self.padded = padded;
+        grow(&mut self.u, 4 * padded);
+        grow(&mut self.v, 4 * padded);
+        grow(&mut self.area, padded);
         grow(&mut self.kind, padded);
         grow(&mut self.first, padded);
         grow(&mut self.counts, padded);
         self.slow.clear();
         self.slow.reserve(padded);
-        // Four sides of each, and a chunk more that is written before it is counted.
-        let most = 4 * padded + LANES;
-        grow(&mut self.trails, most);
-        grow(&mut self.marked, most);
-        grow(&mut self.trail_kind, most);
-        grow(&mut self.trail_first, most);
-        grow(&mut self.margin_kind, most);
-        grow(&mut self.margin_first, most);
+        grow(&mut self.trail_first, trails);
+        grow(&mut self.trail_kind, trails);
     }
 
     /// The corners of element `e`.
     #[inline(always)]
     pub(crate) fn quad(&self, e: usize) -> [Vec2; 4] {
-        std::array::from_fn(|k| Vec2::new(self.u[k][e], self.v[k][e]))
+        std::array::from_fn(|k| Vec2::new(self.u[k * self.padded + e], self.v[k * self.padded + e]))
     }
 }
 
@@ -226,11 +231,9 @@ pub(crate) struct Grid<W> {
     pub(crate) rows: Vec<[W; KEPT]>,
     /// The same of each trail.
     pub(crate) trail_rows: Vec<[W; KEPT]>,
-    /// The same of each margin.
-    pub(crate) margin_rows: Vec<[W; KEPT]>,
     pub(crate) fill: Mask<W>,
     pub(crate) unknown: Mask<W>,
-    /// Both together as the layer began, and the margins of its elements.
+    /// Both together as the layer began, and the trails of its silhouettes.
     pub(crate) closed: Mask<W>,
     pub(crate) layer_fill: [Mask<W>; TURNS],
     pub(crate) trail: [Mask<W>; TURNS],
@@ -248,7 +251,6 @@ impl<W: Word> Default for Grid<W> {
         Self {
             rows: Vec::new(),
             trail_rows: Vec::new(),
-            margin_rows: Vec::new(),
             fill: empty,
             unknown: empty,
             closed: empty,
@@ -273,13 +275,13 @@ impl<W: Word> Board<W> {
     #[inline(always)]
     pub(super) fn reset(&mut self, task: &Task<'_>, masks: &Masks) {
         let padded = task.elements.padded_len();
-        self.places.grow(padded);
+        let trails = task.trail_count().next_multiple_of(LANES);
+        self.places.grow(padded, trails);
         // Padding covers nothing.
         self.places.counts[task.elements.len()..padded].fill([0; 2]);
         let grid = &mut self.grid;
         grow(&mut grid.rows, padded);
-        grow(&mut grid.trail_rows, 4 * padded + LANES);
-        grow(&mut grid.margin_rows, 4 * padded + LANES);
+        grow(&mut grid.trail_rows, trails);
         grid.history.resize(task.elements.layer_count() + 1, [W::default(); MAX_RESOLUTION]);
         grid.special.clear();
         grid.layer_ends.resize(task.elements.layer_count(), 0);

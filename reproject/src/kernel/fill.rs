@@ -1,33 +1,31 @@
 //! The masks, layer by layer from front to back.
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec3A};
 use radcache::MAX_RESOLUTION;
 
 use super::board::{Board, Grid, HORIZON, KEPT, LOW, Mask, Places, Special, TURNS, Task, Word, kind};
-use super::scalar::{margin_polygon, trail_polygon};
+use super::trails::trail_polygon;
 use crate::clip::{MAX_CLIPPED, clip_at_horizon, signed_area};
 use crate::raster::{polygon_rows, rectangle_rows};
-use crate::{AreaWeights, Coverage, Rows};
+use crate::{AreaWeights, Coverage, Rows, Trails};
 
 /// Fills the masks with what was drawn, nearest layer first, and counts what each element takes.
 #[inline(always)]
 pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
     let Board { places, grid } = board;
-    let mut next_trail = 0;
+    let silhouettes = task.settings.trails == Trails::Silhouettes;
     for layer in 0..task.elements.layer_count() {
         let range = task.elements.layer(layer);
         if !range.is_empty() {
-            let mut last_trail = next_trail;
-            while last_trail < places.trail_count && usize::from(places.trails[last_trail] / 4) < range.end {
-                last_trail += 1;
-            }
-            if task.has_margins() && next_trail < last_trail {
-                for t in next_trail..last_trail {
-                    let (bits, first, kind) = (&grid.margin_rows[t], places.margin_first[t], places.margin_kind[t]);
-                    let polygon = || margin_polygon(task, places, places.trails[t]);
-                    sweep(bits, first, kind, task.n, polygon, &mut grid.trail[t % TURNS]);
+            if silhouettes {
+                // Before the layer itself fills anything: what was uncovered is not seen through the surface that uncovered it.
+                let trails = task.elements.outline().layer(layer);
+                if !trails.is_empty() {
+                    sweep_all(task, places, grid, trails);
+                    close(grid);
                 }
-                close_margins(grid);
             }
             elements(places, grid, range.start, range.end);
             // Rare, and no matter of order, so they come after the others of their layer.
@@ -38,12 +36,9 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             if task.settings.weights == AreaWeights::Analytic {
                 count_small(places, grid, task.n, layer, range.start..range.end);
             }
-            for t in next_trail..last_trail {
-                let (bits, first, kind) = (&grid.trail_rows[t], places.trail_first[t], places.trail_kind[t]);
-                let polygon = || trail_polygon(task, places, places.trails[t]);
-                sweep(bits, first, kind, task.n, polygon, &mut grid.trail[t % TURNS]);
+            if !silhouettes {
+                sweep_all(task, places, grid, range.clone());
             }
-            next_trail = last_trail;
             end_layer(grid);
         }
         grid.history[layer + 1][..W::BITS].copy_from_slice(&grid.fill[..W::BITS]);
@@ -79,15 +74,15 @@ fn elements<W: Word>(places: &mut Places, grid: &mut Grid<W>, start: usize, end:
 /// area. Else light would be lost where elements shrink on their way: of those smaller than a texel, only the few that meet a centre
 /// would weigh, by that area. It closes nothing, for the few that meet a centre close on average what all of them cover.
 #[inline(always)]
-fn count_small<W: Word>(places: &mut Places, grid: &Grid<W>, n: usize, layer: usize, elements: std::ops::Range<usize>) {
+fn count_small<W: Word>(places: &mut Places, grid: &Grid<W>, n: usize, layer: usize, elements: Range<usize>) {
     /// What so many layers before have filled closes no middle: it is mostly the same surface, whose elements each cover a part of the texel. Without this a
     /// room of plain walls would lose 1 % of its light.
-    const SAME_SURFACE: usize = 2;
+    const SAME_SURFACE: usize = 3;
     let filled = &grid.history[layer.saturating_sub(SAME_SURFACE)];
     for e in elements {
         if places.counts[e] == [0; 2] && places.kind[e] & kind::HOLLOW == 0 && places.area[e] > 0.0 {
-            let [u, v] = [&places.u, &places.v].map(|corners| corners.iter().map(|at| at[e]).sum::<f32>() / 4.0);
-            let [i, j] = [u, v].map(|x| texel(x, n));
+            let middle = places.quad(e).into_iter().sum::<Vec2>() / 4.0;
+            let [i, j] = middle.to_array().map(|x| texel(x, n));
             let closed = filled[j] | grid.unknown[j];
             places.counts[e] = if closed & W::bit(i) == W::default() { [1; 2] } else { [0; 2] };
         }
@@ -122,30 +117,26 @@ fn from_row_mut<W, const R: usize>(mask: &mut Mask<W>, first: u8) -> &mut [W; R]
         .expect("masks have room for a polygon in the last row")
 }
 
-/// Adds the bits of a trail or a margin to a mask; `polygon` is asked for where they were not all kept.
+/// Adds the bits of trails to the masks of the layer.
 #[inline(always)]
-fn sweep<W: Word>(
-    bits: &[W; KEPT],
-    first: u8,
-    kind: u8,
-    n: usize,
-    polygon: impl FnOnce() -> [Vec2; 4],
-    trail: &mut Mask<W>,
-) {
-    match kind {
-        0 => sweep_rows::<W, LOW>(bits, first, trail),
-        kind::HIGH => sweep_rows::<W, KEPT>(bits, first, trail),
-        _ => sweep_tall(&polygon(), n, trail),
+fn sweep_all<W: Word>(task: &Task<'_>, places: &Places, grid: &mut Grid<W>, trails: Range<usize>) {
+    for t in trails {
+        let (bits, first, trail) = (&grid.trail_rows[t], places.trail_first[t], &mut grid.trail[t % TURNS]);
+        match places.trail_kind[t] {
+            0 => sweep_rows::<W, LOW>(bits, first, trail),
+            kind::HIGH => sweep_rows::<W, KEPT>(bits, first, trail),
+            _ => sweep_tall(&trail_polygon(task, places, t), task.n, trail),
+        }
     }
 }
 
-/// Makes the margins of a layer, which are swept already, unknown where nothing nearer fills them, before the layer itself fills anything.
+/// Makes unknown what trails swept and nothing nearer fills.
 #[inline(always)]
-fn close_margins<W: Word>(grid: &mut Grid<W>) {
+fn close<W: Word>(grid: &mut Grid<W>) {
     for j in 0..W::BITS {
-        let margins = joined(&grid.trail, j);
-        grid.unknown[j] |= margins & !grid.closed[j];
-        grid.closed[j] |= margins;
+        let swept = joined(&grid.trail, j);
+        grid.unknown[j] |= swept & !grid.closed[j];
+        grid.closed[j] |= swept;
     }
 }
 

@@ -7,7 +7,7 @@ use radcache::{Elements, LANES};
 
 use super::board::{Board, HORIZON, KEPT, LOW, Task, Word, kind};
 use super::scalar::to_square;
-use super::trails::{list_trails, margin_quads, trail_quads};
+use super::trails::trail_quads;
 use crate::Coverage;
 
 pub(super) type Lane<T> = [T; LANES];
@@ -19,16 +19,17 @@ pub(super) type Quads = [Lane<f32>; 4];
 #[inline(always)]
 pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
     let elements = task.elements;
+    let padded = elements.padded_len();
     let scale = task.n as f32;
     let Board { places, grid, .. } = board;
-    for chunk in 0..elements.padded_len() / LANES {
+    for chunk in 0..padded / LANES {
         let at = chunk * LANES;
         let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
         let mut kinds = [0u32; LANES];
         corners(task, at, &mut u, &mut v, &mut kinds);
         for k in 0..4 {
-            *lanes_mut(&mut places.u[k], at) = u[k];
-            *lanes_mut(&mut places.v[k], at) = v[k];
+            *lanes_mut(&mut places.u, k * padded + at) = u[k];
+            *lanes_mut(&mut places.v, k * padded + at) = v[k];
         }
         let area = lanes_mut(&mut places.area, at);
         let view_dependent = lanes(&elements.view_dependent, at);
@@ -54,21 +55,13 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             places.slow.extend(slow.map(|(e, _)| e as u16));
         }
     }
-    let count = list_trails(task, places);
-    for chunk in 0..count.div_ceil(LANES) {
+    for chunk in 0..task.trail_count().div_ceil(LANES) {
         let at = chunk * LANES;
-        let trails = trail_quads(task, places, at);
+        let (u, v) = trail_quads(task, places, at);
         let mut kinds = [0u32; LANES];
         let rows = lanes_mut(&mut grid.trail_rows, at);
-        spans(&trails.0, &trails.1, scale, lanes_mut(&mut places.trail_first, at), &mut kinds, rows);
+        spans(&u, &v, scale, lanes_mut(&mut places.trail_first, at), &mut kinds, rows);
         *lanes_mut(&mut places.trail_kind, at) = kinds.map(|kind| kind as u8);
-        if task.has_margins() {
-            let (u, v) = margin_quads(task, places, at, &trails);
-            let mut kinds = [0u32; LANES];
-            let rows = lanes_mut(&mut grid.margin_rows, at);
-            spans(&u, &v, scale, lanes_mut(&mut places.margin_first, at), &mut kinds, rows);
-            *lanes_mut(&mut places.margin_kind, at) = kinds.map(|kind| kind as u8);
-        }
     }
 }
 
@@ -90,7 +83,8 @@ fn corners(task: &Task<'_>, at: usize, u: &mut Quads, v: &mut Quads, kinds: &mut
     let (m0, m1, m2) = (task.rotation.x_axis, task.rotation.y_axis, task.rotation.z_axis);
     let offset = task.offset;
     for k in 0..4 {
-        let (x, y, z) = (lanes(&x[k], at), lanes(&y[k], at), lanes(&z[k], at));
+        let number = k * task.elements.padded_len() + at;
+        let (x, y, z) = (lanes(x, number), lanes(y, number), lanes(z, number));
         let (u, v) = (&mut u[k], &mut v[k]);
         for e in 0..LANES {
             let (x, y, z) = (x[e] - offset.x * finite[e], y[e] - offset.y * finite[e], z[e] - offset.z * finite[e]);
@@ -122,30 +116,32 @@ fn rectangles(u: &Quads, v: &Quads) -> (Quads, Quads) {
 }
 
 #[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
+pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 #[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
+pub(super) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 /// The first centre at or above x: its ceiling in [0, scale].
 #[inline(always)]
 fn first_centre(x: f32, scale: f32) -> u32 {
-    first_centre_inside(min(max(x, 0.0), scale))
-}
-
-/// [`first_centre`] of a crossing with an edge in the square: at most rounding outside of it, so that nothing need be cut off.
-#[inline(always)]
-fn first_centre_inside(x: f32) -> u32 {
-    /// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also below 0, and leaves that in the low bits.
-    const ROUND: f32 = 12_582_912.0;
+    let x = min(max(x, 0.0), scale);
     let shifted = x + ROUND;
     let up = u32::from(shifted - ROUND < x);
     (shifted.to_bits() + up) & 0x7f
 }
+
+/// The whole number nearest to a crossing with an edge in the square, in texels: as many centres lie at its left. It is at most rounding outside of the square, so that nothing need be cut off.
+#[inline(always)]
+fn nearest_whole(x: f32) -> u32 {
+    (x + ROUND).to_bits() & 0x7f
+}
+
+/// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also below 0, and leaves that in the low bits.
+const ROUND: f32 = 12_582_912.0;
 
 /// The rows of 16 quadrilaterals with corners in the square, from the first row of each on.
 #[inline(always)]
@@ -162,8 +158,8 @@ fn spans<W: Word>(
     let mut start = [0f32; LANES];
     let (mut starts, mut heights) = ([0u32; LANES], [0u32; LANES]);
     for e in 0..LANES {
-        // In units of texels, with the centres on whole numbers.
-        let x: [f32; 4] = [u[0][e] * scale - 0.5, u[1][e] * scale - 0.5, u[2][e] * scale - 0.5, u[3][e] * scale - 0.5];
+        // In units of texels, with the centres of rows on whole numbers.
+        let x: [f32; 4] = [u[0][e] * scale, u[1][e] * scale, u[2][e] * scale, u[3][e] * scale];
         let y: [f32; 4] = [v[0][e] * scale - 0.5, v[1][e] * scale - 0.5, v[2][e] * scale - 0.5, v[3][e] * scale - 0.5];
         for k in 0..4 {
             let next = (k + 1) % 4;
@@ -193,7 +189,7 @@ fn spans<W: Word>(
                 let crossing = x_low[k][e] + (centre - y_low[k][e]) * slope[k][e];
                 // Level edges cross no row, which also keeps their slopes out.
                 let crosses = (y_low[k][e] <= centre) & (centre < y_high[k][e]);
-                bits = bits ^ W::from_bit(first_centre_inside(if crosses { crossing } else { 0.0 }));
+                bits = bits ^ if crosses { W::from_bit(nearest_whole(crossing)) } else { W::default() };
             }
             by_row[r][e] = bits;
         }
@@ -217,11 +213,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn first_centre_inside_is_the_ceiling_and_0_for_what_rounding_puts_below() {
+    fn first_centre_is_the_ceiling() {
         for k in -8..=64 * 16i16 {
             let x = f32::from(k) / 16.0;
             for x in [x.next_down(), x, x.next_up()] {
-                assert_eq!(first_centre_inside(x) as f32, x.ceil().max(0.0), "of {x}");
+                assert_eq!(first_centre(x, 64.0) as f32, x.clamp(0.0, 64.0).ceil(), "of {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn nearest_whole_rounds_also_what_rounding_puts_outside() {
+        for k in -7..=64 * 16 + 7i16 {
+            let x = f32::from(k) / 16.0;
+            for x in [x.next_down(), x, x.next_up()] {
+                assert_eq!(nearest_whole(x) as f32, x.round_ties_even().abs(), "of {x}");
             }
         }
     }

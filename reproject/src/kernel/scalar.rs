@@ -6,10 +6,11 @@ use glam::{Mat3A, Vec2, Vec3A};
 use hemimap::atan_unit;
 use radcache::{Elements, LANES};
 
-use super::board::{Board, KEPT, LOW, Places, Task, Word, kind};
+use super::board::{Board, KEPT, LOW, Task, Word, kind};
+use super::trails::trail_polygon;
 use crate::clip::signed_area;
 use crate::raster::polygon_rows;
-use crate::{Coverage, Masks, Rows, Trails};
+use crate::{Coverage, Masks, Rows};
 
 /// 4 / pi.
 const FOUR_OVER_PI: f32 = 4.0 * std::f32::consts::FRAC_1_PI;
@@ -34,7 +35,8 @@ pub fn project_corners(
     let (m0, m1, m2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
     let finite = elements.finite.as_chunks::<LANES>().0;
     for k in 0..4 {
-        let input = [&elements.x[k], &elements.y[k], &elements.z[k]].map(|axis| axis[..len].as_chunks::<LANES>().0);
+        let corners = k * len..(k + 1) * len;
+        let input = [&elements.x, &elements.y, &elements.z].map(|axis| axis[corners.clone()].as_chunks::<LANES>().0);
         let u = u[k][..len].as_chunks_mut::<LANES>().0;
         let v = v[k][..len].as_chunks_mut::<LANES>().0;
         let z = z[k][..len].as_chunks_mut::<LANES>().0;
@@ -89,7 +91,8 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
         let mut kinds = 0;
         for k in 0..4 {
             let corner = task.rotation * (task.elements.corner(e, k) - task.offset * task.elements.finite[e]);
-            (places.u[k][e], places.v[k][e]) = to_square(corner.x, corner.y, corner.z);
+            let number = k * task.elements.padded_len() + e;
+            (places.u[number], places.v[number]) = to_square(corner.x, corner.y, corner.z);
             kinds |= if corner.z >= 0.0 { 0 } else { kind::CUT };
         }
         let quad = places.quad(e);
@@ -112,31 +115,9 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
             places.slow.push(e as u16);
         }
     }
-    places.trail_count = 0;
-    for e in 0..task.elements.len() {
-        let count = match task.settings.trails {
-            Trails::Silhouettes => 4,
-            Trails::All => 1,
-        };
-        for k in 0..count {
-            let leaves = match task.settings.trails {
-                Trails::Silhouettes => task.elements.sides[e].has(k),
-                Trails::All => task.elements.finite[e] != 0.0,
-            };
-            if leaves {
-                let (t, code) = (places.trail_count, (4 * e + k) as u16);
-                let (first, tall) = keep(&trail_polygon(task, places, code), task.n, &mut grid.trail_rows[t]);
-                places.trails[t] = code;
-                places.trail_first[t] = first;
-                places.trail_kind[t] = tall;
-                if task.has_margins() {
-                    let (first, tall) = keep(&margin_polygon(task, places, code), task.n, &mut grid.margin_rows[t]);
-                    places.margin_first[t] = first;
-                    places.margin_kind[t] = tall;
-                }
-                places.trail_count += 1;
-            }
-        }
+    for t in 0..task.trail_count() {
+        let polygon = trail_polygon(task, places, t);
+        (places.trail_first[t], places.trail_kind[t]) = keep(&polygon, task.n, &mut grid.trail_rows[t]);
     }
     super::fill::fill(task, board);
     board.show(masks);
@@ -154,82 +135,6 @@ fn keep<W: Word>(polygon: &[Vec2; 4], n: usize, kept: &mut [W; KEPT]) -> (u8, u8
         *kept = W::narrow(*row);
     }
     (first as u8, tall)
-}
-
-/// The corner `k` of element `e` in the texel grid, in texels.
-#[inline(always)]
-pub(super) fn grid_corner(elements: &Elements, e: usize, k: usize) -> Vec2 {
-    let [i, j] = elements.start[e].map(f32::from);
-    let [w, h] = elements.size[e].map(f32::from);
-    let (right, top) = (k == 1 || k == 2, k >= 2);
-    Vec2::new(if right { i + w } else { i }, if top { j + h } else { j })
-}
-
-/// Where corner `k` of element `e` was, seen from the record but in the frame of the new point: a corner of the texel grid,
-/// unless the frame turned.
-fn before(task: &Task<'_>, e: usize, k: usize) -> Vec2 {
-    if task.rotation == Mat3A::IDENTITY {
-        grid_corner(task.elements, e, k) / task.n as f32
-    } else {
-        direction_to_square(task.rotation * task.elements.corner(e, k))
-    }
-}
-
-/// The rectangle that encloses the old and the new place of element `e`.
-pub(super) fn swept_box(task: &Task<'_>, places: &Places, e: usize) -> [Vec2; 2] {
-    let corners = places.quad(e).into_iter().chain((0..4).map(|k| before(task, e, k)));
-    let start = [Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY)];
-    corners.fold(start, |[low, high], corner| [low.min(corner), high.max(corner)])
-}
-
-/// The trail number `code`: between where the edge was and where it is.
-pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, code: u16) -> [Vec2; 4] {
-    let (e, a) = (usize::from(code / 4), usize::from(code % 4));
-    match task.settings.trails {
-        Trails::Silhouettes => {
-            let (now, b) = (places.quad(e), (a + 1) % 4);
-            [before(task, e, a), before(task, e, b), now[b], now[a]]
-        }
-        Trails::All => {
-            let [low, high] = swept_box(task, places, e);
-            [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
-        }
-    }
-}
-
-/// The margin number `code`: the side where it is now, and where it is inside the element, see [`margin_end`].
-pub(super) fn margin_polygon(task: &Task<'_>, places: &Places, code: u16) -> [Vec2; 4] {
-    let (e, a) = (usize::from(code / 4), usize::from(code % 4));
-    let (now, b) = (places.quad(e), (a + 1) % 4);
-    let texels = margin_texels(task, places, code);
-    let end =
-        |k: usize, beside: usize| margin_end(now[k].into(), before(task, e, k).into(), now[beside].into(), texels);
-    [now[a], now[b], end(b, (a + 2) % 4).into(), end(a, (a + 3) % 4).into()]
-}
-
-/// The texels of an element across one of its sides; 0 where that has no margin: the element fills nothing, or its radiance is a mean that knows how much
-/// of its texels the background takes.
-#[inline(always)]
-pub(super) fn margin_texels(task: &Task<'_>, places: &Places, code: u16) -> f32 {
-    let (e, side) = (usize::from(code / 4), usize::from(code % 4));
-    let is_sharp = places.kind[e] & kind::HOLLOW == 0 && task.elements.background_share[e] == 0.0;
-    let [width, height] = task.elements.size[e].map(f32::from);
-    let across = if side.is_multiple_of(2) { height } else { width };
-    if is_sharp { across } else { 0.0 }
-}
-
-/// The inner end of a margin: from an end of a side, which was `before` and is `now`, as far towards the corner `beside` it, `texels` away, as it came from
-/// there, but at most a texel, and not at all if it went the other way.
-#[inline(always)]
-pub(super) fn margin_end(now: [f32; 2], before: [f32; 2], beside: [f32; 2], texels: f32) -> [f32; 2] {
-    let texel = [(beside[0] - now[0]) / texels, (beside[1] - now[1]) / texels];
-    let along = (now[0] - before[0]) * texel[0] + (now[1] - before[1]) * texel[1];
-    let moved = along / (texel[0] * texel[0] + texel[1] * texel[1]);
-    // Without texels it is not a number, which is not above 0 either.
-    let retreats = moved > 0.0;
-    let moved = if moved < 1.0 { moved } else { 1.0 };
-    let end = |axis: usize| if retreats { now[axis] + moved * texel[axis] } else { now[axis] };
-    [end(0), end(1)]
 }
 
 #[cfg(test)]

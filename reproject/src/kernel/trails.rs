@@ -1,127 +1,118 @@
-//! Trails in lanes: which sides leave one, and what they swept over between the record and the new point (paper, section 5.3).
+//! Trails: what something unknown may have come into view in, between the record and the new point (paper, section 5.3).
 //!
-//! A silhouette has a margin besides. It lies somewhere in a texel, and whether that texel belongs to the near or to the far surface is what one ray there met. Where the
-//! surface then retreats, new rays find what it really left free beyond its side, but if it had been given too much, nobody would look for that: it would
-//! keep a sixth of a texel too much on the average. So its last texel inside is unknown too, as far as the side moved: then errors of both signs are seen
-//! by rays, or neither is.
+//! A silhouette that retreats leaves what it uncovers, and a margin besides. It lies somewhere in a texel, and whether that texel belongs to the near or to the far
+//! surface is what one ray there met. Where the surface then retreats, new rays find what it really left free beyond its side, but if it had been given too
+//! much, nobody would look for that: it would keep a sixth of a texel too much on the average. So what the side has just left behind it is unknown as far
+//! inside as it moved, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette that advances covers its trail itself.
 
-#![expect(clippy::cast_possible_truncation, reason = "elements are at most 64 x 64")]
-
-use glam::Mat3A;
-use radcache::{LANES, Sides};
+use glam::{Vec2, Vec3A};
+use radcache::{Elements, LANES};
 
 use super::board::{Places, Task};
-use super::lanes::{Lane, Quads, lanes};
-use super::scalar::{grid_corner, margin_end, margin_texels, swept_box, to_square};
+use super::lanes::{Lane, Quads, lanes, max, min};
+use super::scalar::{direction_to_square, to_square};
 use crate::Trails;
 
-/// Lists the sides that leave trails, in order of elements; gives their number. The list is padded with the first side.
+/// What 16 trails cover: for a side what it left, else the rectangle that encloses an element at both places.
 #[inline(always)]
-pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
-    let elements = task.elements;
-    let Places { trails: list, marked, .. } = places;
-    let mut count = 0;
+pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads, Quads) {
+    let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
     match task.settings.trails {
         Trails::Silhouettes => {
-            // Without a branch on the sides, which nobody could predict.
-            let mut with_sides = 0;
-            for (e, sides) in elements.sides[..elements.len()].iter().enumerate() {
-                marked[with_sides] = e as u16;
-                with_sides += usize::from(*sides != Sides::NONE);
+            let outline = task.elements.outline();
+            let ends = [0, 1].map(|end| lanes(&outline.ends[end], at));
+            let now = ends.map(|end| (end.map(|k| places.u[usize::from(k)]), end.map(|k| places.v[usize::from(k)])));
+            for end in 0..2 {
+                (u[end], v[end]) = if task.is_turned() {
+                    turned_corners(task, ends[end])
+                } else {
+                    (*lanes(&outline.u[end], at), *lanes(&outline.v[end], at))
+                };
             }
-            for &e in &marked[..with_sides] {
-                let sides = elements.sides[usize::from(e)];
-                for k in 0..4 {
-                    list[count] = 4 * e + k;
-                    count += usize::from(sides.has(usize::from(k)));
+            let margin = lanes(&outline.margin, at);
+            for e in 0..LANES {
+                let ends = [0, 1].map(|end| [now[end].0[e], now[end].1[e]]);
+                for end in 0..2 {
+                    let before = [u[end][e], v[end][e]];
+                    [u[3 - end][e], v[3 - end][e]] = left_behind(before, ends[end], ends, task.margin(margin[e]));
                 }
             }
         }
         Trails::All => {
-            for (e, &finite) in elements.finite[..elements.len()].iter().enumerate() {
-                list[count] = 4 * e as u16;
-                count += usize::from(finite != 0.0);
+            for lane in 0..LANES {
+                let [low, high] = swept_box(task, places, at + lane);
+                (u[0][lane], u[1][lane], u[2][lane], u[3][lane]) = (low.x, high.x, high.x, low.x);
+                (v[0][lane], v[1][lane], v[2][lane], v[3][lane]) = (low.y, low.y, high.y, high.y);
             }
         }
     }
-    let end = count.next_multiple_of(LANES);
-    list[count..end].fill(0);
-    places.trail_count = count;
-    count
+    (u, v)
 }
 
-/// What 16 trails cover: for a side what lies between where it was and where it is, else the rectangle that encloses an element at both
-/// places.
-#[inline(always)]
-pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads, Quads) {
-    let codes = lanes(&places.trails, at);
-    let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
+/// Trail number `t`: that of a side, or of an element.
+pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, t: usize) -> [Vec2; 4] {
     match task.settings.trails {
         Trails::Silhouettes => {
-            let turned = task.rotation != Mat3A::IDENTITY;
-            for end in 0..2 {
-                let corners = corners(codes, end);
-                // Where this end of the side is now, and where it was.
-                (u[3 - end], v[3 - end]) = now(places, &corners);
-                (u[end], v[end]) = if turned { turned_corners(task, corners) } else { grid_corners(task, corners) };
-            }
+            let outline = task.elements.outline();
+            let numbers = [0, 1].map(|end| usize::from(outline.ends[end][t]));
+            let before = [0, 1].map(|end| {
+                if task.is_turned() {
+                    let Elements { x, y, z, .. } = task.elements;
+                    let [x, y, z] = [x, y, z].map(|axis| axis[numbers[end]]);
+                    direction_to_square(task.rotation * Vec3A::new(x, y, z)).to_array()
+                } else {
+                    [outline.u[end][t], outline.v[end][t]]
+                }
+            });
+            let now = numbers.map(|number| [places.u[number], places.v[number]]);
+            let inner = [0, 1].map(|end| left_behind(before[end], now[end], now, task.margin(outline.margin[t])));
+            [before[0], before[1], inner[1], inner[0]].map(Vec2::from)
         }
         Trails::All => {
-            for (e, &code) in codes.iter().enumerate() {
-                let [low, high] = swept_box(task, places, usize::from(code / 4));
-                (u[0][e], u[1][e], u[2][e], u[3][e]) = (low.x, high.x, high.x, low.x);
-                (v[0][e], v[1][e], v[2][e], v[3][e]) = (low.y, low.y, high.y, high.y);
-            }
+            let [low, high] = swept_box(task, places, t);
+            [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
         }
     }
-    (u, v)
 }
 
-/// The margins of 16 sides whose trails cover `trails`.
+/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from `before` to where that end is `now`, and inwards as far as it came
+/// that way, but at most by the margin. Nowhere if it went outwards.
 #[inline(always)]
-pub(super) fn margin_quads(task: &Task<'_>, places: &Places, at: usize, trails: &(Quads, Quads)) -> (Quads, Quads) {
-    let codes = lanes(&places.trails, at);
-    let texels = codes.map(|code| margin_texels(task, places, code));
-    let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
-    for end in 0..2 {
-        let (now, before) = (3 - end, end);
-        let (beside_u, beside_v) = self::now(places, &corners(codes, now));
-        (u[end], v[end]) = (trails.0[now], trails.1[now]);
-        for e in 0..LANES {
-            let at = |k: usize| [trails.0[k][e], trails.1[k][e]];
-            [u[now][e], v[now][e]] = margin_end(at(now), at(before), [beside_u[e], beside_v[e]], texels[e]);
-        }
+fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32) -> [f32; 2] {
+    /// So that no division needs a branch.
+    const TINY: f32 = 1e-30;
+    let [x, y] = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
+    let length_sq = max(x * x + y * y, TINY);
+    // The way inwards, times the length of the side.
+    let inwards = x * (now[1] - before[1]) - y * (now[0] - before[0]);
+    let more = min(inwards, margin * length_sq.sqrt()) / length_sq;
+    let inner = [now[0] - more * y, now[1] + more * x];
+    let end = |axis: usize| if inwards > 0.0 { min(max(inner[axis], 0.0), 1.0) } else { before[axis] };
+    [end(0), end(1)]
+}
+
+/// The rectangle that encloses the old and the new place of element `e`; empty if it lies at infinity, whence it does not move.
+fn swept_box(task: &Task<'_>, places: &Places, e: usize) -> [Vec2; 2] {
+    if task.elements.finite[e] == 0.0 {
+        return [Vec2::ZERO; 2];
     }
-    (u, v)
-}
-
-/// The elements of 16 sides, and the corners that lie so many after the first of each side.
-#[inline(always)]
-fn corners(codes: &Lane<u16>, after: usize) -> Lane<(usize, usize)> {
-    codes.map(|code| (usize::from(code / 4), (usize::from(code) + after) % 4))
-}
-
-/// Where corners are now.
-#[inline(always)]
-fn now(places: &Places, corners: &Lane<(usize, usize)>) -> (Lane<f32>, Lane<f32>) {
-    (corners.map(|(e, k)| places.u[k][e]), corners.map(|(e, k)| places.v[k][e]))
-}
-
-/// Corners as the record saw them, in the frame of a point with the same normal.
-#[inline(always)]
-fn grid_corners(task: &Task<'_>, corners: Lane<(usize, usize)>) -> (Lane<f32>, Lane<f32>) {
-    let n = task.n as f32;
-    let grid = corners.map(|(e, k)| grid_corner(task.elements, e, k));
-    (grid.map(|corner| corner.x / n), grid.map(|corner| corner.y / n))
+    let before = |k: usize| {
+        if task.is_turned() {
+            direction_to_square(task.rotation * task.elements.corner(e, k))
+        } else {
+            Vec2::from(task.elements.grid_corner(e, k)) / task.n as f32
+        }
+    };
+    let corners = places.quad(e).into_iter().chain((0..4).map(before));
+    let start = [Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY)];
+    corners.fold(start, |[low, high], corner| [low.min(corner), high.max(corner)])
 }
 
 /// Corners as the record saw them, in the frame of a point whose normal is another.
 #[inline(always)]
-fn turned_corners(task: &Task<'_>, corners: Lane<(usize, usize)>) -> (Lane<f32>, Lane<f32>) {
-    let elements = task.elements;
-    let x = corners.map(|(e, k)| elements.x[k][e]);
-    let y = corners.map(|(e, k)| elements.y[k][e]);
-    let z = corners.map(|(e, k)| elements.z[k][e]);
+fn turned_corners(task: &Task<'_>, corners: &Lane<u16>) -> (Lane<f32>, Lane<f32>) {
+    let Elements { x, y, z, .. } = task.elements;
+    let [x, y, z] = [x, y, z].map(|axis| corners.map(|number| axis[usize::from(number)]));
     let (m0, m1, m2) = (task.rotation.x_axis, task.rotation.y_axis, task.rotation.z_axis);
     let (mut u, mut v) = ([0.0; LANES], [0.0; LANES]);
     for e in 0..LANES {

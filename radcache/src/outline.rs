@@ -1,0 +1,87 @@
+//! The sides of elements that are silhouettes, laid out as a reprojection reads them.
+
+use std::ops::Range;
+
+use crate::{Elements, LANES};
+
+/// The sides of elements that are silhouettes, in the order of their elements. All of it follows from the other arrays of [`Elements`].
+///
+/// The arrays are padded to a multiple of [`LANES`] with sides of no length.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Outline {
+    /// The corners at both ends of a side, with the element on the left: corner `k` of element `e` has the number `k * padded_len + e`.
+    pub ends: [Vec<u16>; 2],
+    /// Where in the square the record saw both ends: u.
+    pub u: [Vec<f32>; 2],
+    /// The same: v.
+    pub v: [Vec<f32>; 2],
+    /// How far inside of the side the surface may end in truth, in the square: a texel, or nothing where the radiance of the element knows how much of its texels the
+    /// background takes.
+    pub margin: Vec<f32>,
+    /// Start of each layer, and the number of sides at the end.
+    layer_starts: Vec<u16>,
+}
+
+impl Outline {
+    /// Finds the sides of elements whose arrays fit together.
+    pub(crate) fn of(elements: &Elements) -> Self {
+        let mut outline = Self::default();
+        let padded = elements.padded_len();
+        let texels = elements.start.iter().zip(&elements.size);
+        let n = texels.map(|(start, size)| f32::from(start[0]) + f32::from(size[0])).fold(0.0, f32::max);
+        outline.layer_starts.push(0);
+        for layer in 0..elements.layer_count() {
+            for e in elements.layer(layer) {
+                let blurred = elements.background_share[e] != 0.0 || elements.view_dependent[e];
+                let margin = if blurred { 0.0 } else { 1.0 / n };
+                for k in (0..4).filter(|&k| elements.sides[e].has(k)) {
+                    outline.margin.push(margin);
+                    for (end, k) in [k, (k + 1) % 4].into_iter().enumerate() {
+                        let [u, v] = elements.grid_corner(e, k);
+                        outline.ends[end].push(number(k * padded + e));
+                        outline.u[end].push(u / n);
+                        outline.v[end].push(v / n);
+                    }
+                }
+            }
+            outline.layer_starts.push(number(outline.margin.len()));
+        }
+        let padded = outline.len().next_multiple_of(LANES);
+        outline.ends.iter_mut().for_each(|list| list.resize(padded, 0));
+        outline
+            .u
+            .iter_mut()
+            .chain(&mut outline.v)
+            .chain([&mut outline.margin])
+            .for_each(|list| list.resize(padded, 0.0));
+        outline
+    }
+
+    /// Number of sides.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.layer_starts.last().map_or(0, |&count| count.into())
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The sides of the elements of a layer.
+    #[must_use]
+    pub fn layer(&self, layer: usize) -> Range<usize> {
+        self.layer_starts[layer].into()..self.layer_starts[layer + 1].into()
+    }
+
+    /// Bytes that the arrays take.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.margin.len() * (2 * size_of::<u16>() + 5 * size_of::<f32>()) + self.layer_starts.len() * size_of::<u16>()
+    }
+}
+
+fn number(corner: usize) -> u16 {
+    u16::try_from(corner).expect("at most 4 x 64 x 64 corners")
+}
