@@ -36,14 +36,11 @@ const P: [f32; 8] = [
 #[must_use]
 pub fn atan_unit(x: f32) -> f32 {
     let s = x * x;
-    let mut p = P[7];
-    p = p * s + P[6];
-    p = p * s + P[5];
-    p = p * s + P[4];
-    p = p * s + P[3];
-    p = p * s + P[2];
-    p = p * s + P[1];
-    p = p * s + P[0];
+    let (s2, s4) = (s * s, (s * s) * (s * s));
+    // By pairs (Estrin), which wait for each other three times instead of seven.
+    let low = (P[0] + P[1] * s) + (P[2] + P[3] * s) * s2;
+    let high = (P[4] + P[5] * s) + (P[6] + P[7] * s) * s2;
+    let p = low + high * s4;
     x + x * (s * p)
 }
 

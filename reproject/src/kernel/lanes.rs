@@ -6,7 +6,7 @@
 use radcache::{Elements, LANES};
 
 use super::board::{Board, HORIZON, KEPT, LOW, Task, Word, kind};
-use super::scalar::to_square;
+use super::scalar::{place_in_square, quotients};
 use super::trails::trail_quads;
 use crate::Coverage;
 
@@ -26,7 +26,11 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
         let at = chunk * LANES;
         let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
         let mut kinds = [0u32; LANES];
-        corners(task, at, &mut u, &mut v, &mut kinds);
+        if task.is_turned() {
+            corners::<true>(task, at, &mut u, &mut v, &mut kinds);
+        } else {
+            corners::<false>(task, at, &mut u, &mut v, &mut kinds);
+        }
         for k in 0..4 {
             *lanes_mut(&mut places.u, k * padded + at) = u[k];
             *lanes_mut(&mut places.v, k * padded + at) = v[k];
@@ -75,27 +79,39 @@ fn lanes_mut<T>(list: &mut [T], at: usize) -> &mut Lane<T> {
     list[at..].first_chunk_mut().expect("lists are padded")
 }
 
-/// The corners of 16 elements in the square, and which elements reach below the horizon.
+/// The corners of 16 elements in the square, and which elements reach below the horizon; the frame turns, or does not.
 #[inline(always)]
-fn corners(task: &Task<'_>, at: usize, u: &mut Quads, v: &mut Quads, kinds: &mut Lane<u32>) {
+fn corners<const TURNS: bool>(task: &Task<'_>, at: usize, u: &mut Quads, v: &mut Quads, kinds: &mut Lane<u32>) {
     let Elements { x, y, z, .. } = task.elements;
     let finite = lanes(&task.elements.finite, at);
     let (m0, m1, m2) = (task.rotation.x_axis, task.rotation.y_axis, task.rotation.z_axis);
     let offset = task.offset;
+    // Divisions first: one after another, each with what waits for it, would fill the queues of the processor.
+    let (mut right, mut up) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
     for k in 0..4 {
         let number = k * task.elements.padded_len() + at;
         let (x, y, z) = (lanes(x, number), lanes(y, number), lanes(z, number));
-        let (u, v) = (&mut u[k], &mut v[k]);
         for e in 0..LANES {
             let (x, y, z) = (x[e] - offset.x * finite[e], y[e] - offset.y * finite[e], z[e] - offset.z * finite[e]);
-            let lx = m0.x * x + m1.x * y + m2.x * z;
-            let ly = m0.y * x + m1.y * y + m2.y * z;
-            let lz = m0.z * x + m1.z * y + m2.z * z;
-            (u[e], v[e]) = to_square(lx, ly, lz);
+            let (lx, ly, lz) = if TURNS {
+                let lx = m0.x * x + m1.x * y + m2.x * z;
+                let ly = m0.y * x + m1.y * y + m2.y * z;
+                let lz = m0.z * x + m1.z * y + m2.z * z;
+                (lx, ly, lz)
+            } else {
+                (x, y, z)
+            };
+            (right[k][e], up[k][e]) = (lx, ly);
+            (u[k][e], v[k][e]) = quotients(lx, ly, lz);
             // Those that lie so little below the horizon that they count as on it need no look.
             let low = if lz < 0.0 { lz } else { 0.0 };
             let limit = (0.5 * HORIZON * HORIZON) * (lx * lx + ly * ly + lz * lz);
             kinds[e] |= u32::from(low * low > limit) * u32::from(kind::CUT);
+        }
+    }
+    for k in 0..4 {
+        for e in 0..LANES {
+            (u[k][e], v[k][e]) = place_in_square(right[k][e], up[k][e], (u[k][e], v[k][e]));
         }
     }
 }

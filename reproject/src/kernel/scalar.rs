@@ -61,18 +61,29 @@ pub fn project_corners(
 /// direction of no length maps to the centre.
 #[inline(always)]
 pub(super) fn to_square(x: f32, y: f32, z: f32) -> (f32, f32) {
+    place_in_square(x, y, quotients(x, y, z))
+}
+
+/// The divisions of [`to_square`]: the square of the sine of the angle to the normal, and the lesser of |x| and |y| over the greater.
+#[inline(always)]
+pub(super) fn quotients(x: f32, y: f32, z: f32) -> (f32, f32) {
     // By comparison, for it is one instruction; `f32::max` is more.
     let above = if z > 0.0 { z } else { 0.0 };
     let planar_sq = x * x + y * y;
     // Never zero, so that no division needs a branch.
     const TINY: f32 = 1e-30;
     let length_sq = planar_sq + above * above;
-    let r = (planar_sq / if length_sq > TINY { length_sq } else { TINY }).sqrt();
     let (ax, ay) = (x.abs(), y.abs());
-    let steep = ay >= ax;
-    let (small, large) = if steep { (ax, ay) } else { (ay, ax) };
-    let angle = r * FOUR_OVER_PI * atan_unit(small / if large > TINY { large } else { TINY });
-    let (a, b) = if steep { (angle, r) } else { (r, angle) };
+    let (small, large) = if ay >= ax { (ax, ay) } else { (ay, ax) };
+    (planar_sq / if length_sq > TINY { length_sq } else { TINY }, small / if large > TINY { large } else { TINY })
+}
+
+/// The rest of [`to_square`].
+#[inline(always)]
+pub(super) fn place_in_square(x: f32, y: f32, (sin_sq, ratio): (f32, f32)) -> (f32, f32) {
+    let r = sin_sq.sqrt();
+    let angle = r * FOUR_OVER_PI * atan_unit(ratio);
+    let (a, b) = if y.abs() >= x.abs() { (angle, r) } else { (r, angle) };
     let u = 0.5 + 0.5 * a.copysign(x);
     let v = 0.5 + 0.5 * b.copysign(y);
     (u, v)
