@@ -17,6 +17,9 @@ pub(crate) const TURNS: usize = 4;
 /// Corners whose cosine is this little below the horizon are on it: rounding of a rotation moves those of the rim so far.
 pub(crate) const HORIZON: f32 = 1e-6;
 
+/// One of something for each of 16 polygons.
+pub(crate) type Lane<T> = [T; LANES];
+
 /// Rows of a mask, with room for a whole polygon that starts in the last one.
 pub(crate) type Mask<W> = [W; MAX_RESOLUTION + KEPT];
 
@@ -34,24 +37,35 @@ pub(crate) trait Word:
 {
     /// Number of bits.
     const BITS: usize;
+    /// Rows in 64 bits, which are counted as fast as 32.
+    const ROWS: usize = 64 / Self::BITS;
+    /// The rows of 16 polygons, [`KEPT`] of each: words of 64 bits, lane by lane.
+    type Drawn: Copy + Default + AsRef<[Lane<u64>]> + AsMut<[Lane<u64>]> + std::fmt::Debug;
     /// The bits from `k` on; `k` is at most [`Self::BITS`].
     fn from_bit(k: u32) -> Self;
     /// Number of bits set.
     fn ones(self) -> u32;
-    /// Adds the bits that are not closed to a mask; gives the number of bits, and that of those added.
-    fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2];
     /// The first bits of a row.
     fn narrow(row: u64) -> Self;
     /// Bit `k` alone.
     fn bit(k: usize) -> Self;
     /// The same bits in a row.
     fn widen(self) -> u64;
+    /// [`Self::ROWS`] rows of 16 polygons as words.
+    fn pack(rows: &[Lane<Self>; 2]) -> Lane<u64>;
+    /// Row number `row` of those that a word holds.
+    fn unpack(word: u64, row: usize) -> Self;
+    /// Word number `k` of rows.
+    fn load(rows: &[Self], k: usize) -> u64;
+    /// Adds bits to word number `k` of rows.
+    fn add(rows: &mut [Self], k: usize, bits: u64);
 }
 
 /// What all words have in common, for they are primitive integers.
 macro_rules! single_bits {
     ($word:ty) => {
         const BITS: usize = <$word>::BITS as usize;
+        type Drawn = [Lane<u64>; KEPT / <$word as Word>::ROWS];
         #[inline(always)]
         fn from_bit(k: u32) -> Self {
             Self::MAX.unbounded_shl(k)
@@ -70,21 +84,6 @@ macro_rules! single_bits {
 impl Word for u32 {
     single_bits!(u32);
     #[inline(always)]
-    fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2] {
-        let mut counts = [0; 2];
-        // Two rows at a time, for 64 bits are counted as fast as 32.
-        for r in (0..R).step_by(2) {
-            let pair = |rows: &[Self; R]| u64::from(rows[r]) | u64::from(rows[r + 1]) << 32;
-            let (covered, closed) = (pair(bits), pair(closed));
-            let open = covered & !closed;
-            let both = pair(mask) | open;
-            (mask[r], mask[r + 1]) = (Self::narrow(both), Self::narrow(both >> 32));
-            counts[0] += covered.count_ones();
-            counts[1] += open.count_ones();
-        }
-        counts
-    }
-    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "chosen where rows have at most 32 bits")]
     fn narrow(row: u64) -> Self {
         row as Self
@@ -93,21 +92,27 @@ impl Word for u32 {
     fn widen(self) -> u64 {
         self.into()
     }
+    #[inline(always)]
+    fn pack(rows: &[Lane<Self>; 2]) -> Lane<u64> {
+        std::array::from_fn(|lane| rows[0][lane].widen() | rows[1][lane].widen() << 32)
+    }
+    #[inline(always)]
+    fn unpack(word: u64, row: usize) -> Self {
+        Self::narrow(word >> (32 * row))
+    }
+    #[inline(always)]
+    fn load(rows: &[Self], k: usize) -> u64 {
+        rows[2 * k].widen() | rows[2 * k + 1].widen() << 32
+    }
+    #[inline(always)]
+    fn add(rows: &mut [Self], k: usize, bits: u64) {
+        let both = Self::load(rows, k) | bits;
+        (rows[2 * k], rows[2 * k + 1]) = (Self::unpack(both, 0), Self::unpack(both, 1));
+    }
 }
 
 impl Word for u64 {
     single_bits!(u64);
-    #[inline(always)]
-    fn take<const R: usize>(bits: &[Self; R], closed: &[Self; R], mask: &mut [Self; R]) -> [u32; 2] {
-        let mut counts = [0; 2];
-        for r in 0..R {
-            let open = bits[r] & !closed[r];
-            mask[r] |= open;
-            counts[0] += bits[r].count_ones();
-            counts[1] += open.count_ones();
-        }
-        counts
-    }
     #[inline(always)]
     fn narrow(row: u64) -> Self {
         row
@@ -115,6 +120,22 @@ impl Word for u64 {
     #[inline(always)]
     fn widen(self) -> u64 {
         self
+    }
+    #[inline(always)]
+    fn pack(rows: &[Lane<Self>; 2]) -> Lane<u64> {
+        rows[0]
+    }
+    #[inline(always)]
+    fn unpack(word: u64, _: usize) -> Self {
+        word
+    }
+    #[inline(always)]
+    fn load(rows: &[Self], k: usize) -> u64 {
+        rows[k]
+    }
+    #[inline(always)]
+    fn add(rows: &mut [Self], k: usize, bits: u64) {
+        rows[k] |= bits;
     }
 }
 
@@ -189,6 +210,8 @@ pub(crate) struct Places {
     pub(crate) counts: Vec<[u16; 2]>,
     /// Elements whose kind is neither 0 nor high, in order.
     pub(crate) slow: Vec<u16>,
+    /// Elements with area that cover no texel's centre, in order.
+    pub(crate) small: Vec<u16>,
     /// First row and kind of each trail.
     pub(crate) trail_first: Vec<u8>,
     pub(crate) trail_kind: Vec<u8>,
@@ -206,6 +229,8 @@ impl Places {
         grow(&mut self.counts, padded);
         self.slow.clear();
         self.slow.reserve(padded);
+        self.small.clear();
+        self.small.reserve(padded);
         grow(&mut self.trail_first, trails);
         grow(&mut self.trail_kind, trails);
     }
@@ -226,19 +251,18 @@ pub(crate) struct Special<W> {
 
 /// The masks, and the bits of what is drawn on them.
 #[derive(Debug)]
-pub(crate) struct Grid<W> {
-    /// Bits of each element from its first row on, unless it is tall or cut.
-    pub(crate) rows: Vec<[W; KEPT]>,
-    /// The same of each trail.
-    pub(crate) trail_rows: Vec<[W; KEPT]>,
-    pub(crate) fill: Mask<W>,
+pub(crate) struct Grid<W: Word> {
+    /// Bits of elements from the first row of each on, unless it is tall or cut.
+    pub(crate) drawn: Vec<W::Drawn>,
+    /// The same of trails.
+    pub(crate) drawn_trails: Vec<W::Drawn>,
+    /// What was filled before each layer, and at the end.
+    pub(crate) history: Vec<Mask<W>>,
     pub(crate) unknown: Mask<W>,
-    /// Both together as the layer began, and the trails of its silhouettes.
+    /// What is filled or unknown as the layer begins, and the trails of its silhouettes.
     pub(crate) closed: Mask<W>,
     pub(crate) layer_fill: [Mask<W>; TURNS],
     pub(crate) trail: [Mask<W>; TURNS],
-    /// What was filled before each layer, and at the end.
-    pub(crate) history: Vec<[W; MAX_RESOLUTION]>,
     /// Elements that took the slow way, in order.
     pub(crate) special: Vec<Special<W>>,
     /// End of each layer of elements.
@@ -249,18 +273,23 @@ impl<W: Word> Default for Grid<W> {
     fn default() -> Self {
         let empty = [W::default(); MAX_RESOLUTION + KEPT];
         Self {
-            rows: Vec::new(),
-            trail_rows: Vec::new(),
-            fill: empty,
+            drawn: Vec::new(),
+            drawn_trails: Vec::new(),
+            history: Vec::new(),
             unknown: empty,
             closed: empty,
             layer_fill: [empty; TURNS],
             trail: [empty; TURNS],
-            history: Vec::new(),
             special: Vec::new(),
             layer_ends: Vec::new(),
         }
     }
+}
+
+/// Word number `k` of polygon number `e`.
+#[inline(always)]
+pub(crate) fn word<W: Word>(drawn: &[W::Drawn], e: usize, k: usize) -> u64 {
+    drawn[e / LANES].as_ref()[k][e % LANES]
 }
 
 /// All that a kernel writes.
@@ -280,30 +309,25 @@ impl<W: Word> Board<W> {
         // Padding covers nothing.
         self.places.counts[task.elements.len()..padded].fill([0; 2]);
         let grid = &mut self.grid;
-        grow(&mut grid.rows, padded);
-        grow(&mut grid.trail_rows, trails);
-        grid.history.resize(task.elements.layer_count() + 1, [W::default(); MAX_RESOLUTION]);
+        grow(&mut grid.drawn, padded / LANES);
+        grow(&mut grid.drawn_trails, trails / LANES);
+        let empty = [W::default(); MAX_RESOLUTION + KEPT];
+        grid.history.resize(task.elements.layer_count() + 1, empty);
         grid.special.clear();
         grid.layer_ends.resize(task.elements.layer_count(), 0);
-        let empty = [W::default(); MAX_RESOLUTION + KEPT];
-        (grid.fill, grid.unknown, grid.layer_fill, grid.trail) = (empty, empty, [empty; TURNS], [empty; TURNS]);
-        for (bits, row) in grid.fill.iter_mut().zip(&masks.fill) {
-            *bits = W::narrow(*row);
+        (grid.unknown, grid.layer_fill, grid.trail) = (empty, [empty; TURNS], [empty; TURNS]);
+        for j in 0..W::BITS {
+            let [fill, unknown] = [&masks.fill, &masks.unknown].map(|rows| W::narrow(rows[j]));
+            (grid.history[0][j], grid.unknown[j], grid.closed[j]) = (fill, unknown, fill | unknown);
         }
-        for (bits, row) in grid.unknown.iter_mut().zip(&masks.unknown) {
-            *bits = W::narrow(*row);
-        }
-        for ((closed, fill), unknown) in grid.closed.iter_mut().zip(&grid.fill).zip(&grid.unknown) {
-            *closed = *fill | *unknown;
-        }
-        grid.history[0].copy_from_slice(&grid.fill[..MAX_RESOLUTION]);
     }
 
     /// Copies the masks out.
     #[inline(always)]
     pub(super) fn show(&self, masks: &mut Masks) {
+        let fill = self.grid.history.last().expect("one more than layers");
         for j in 0..W::BITS {
-            masks.fill[j] = self.grid.fill[j].widen();
+            masks.fill[j] = fill[j].widen();
             masks.unknown[j] = self.grid.unknown[j].widen();
         }
     }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
-use radcache::MAX_RESOLUTION;
+use radcache::{LANES, MAX_RESOLUTION};
 
 use super::board::{Board, Grid, HORIZON, KEPT, LOW, Mask, Places, Special, TURNS, Task, Word, kind};
 use super::trails::trail_polygon;
@@ -16,32 +16,45 @@ use crate::{AreaWeights, Coverage, Rows, Trails};
 pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
     let Board { places, grid } = board;
     let silhouettes = task.settings.trails == Trails::Silhouettes;
+    let by_area = task.settings.weights == AreaWeights::Analytic;
+    let mut small = 0;
     for layer in 0..task.elements.layer_count() {
         let range = task.elements.layer(layer);
-        if !range.is_empty() {
-            if silhouettes {
-                // Before the layer itself fills anything: what was uncovered is not seen through the surface that uncovered it.
-                let trails = task.elements.outline().layer(layer);
-                if !trails.is_empty() {
-                    sweep_all(task, places, grid, trails);
-                    close(grid);
-                }
-            }
-            elements(places, grid, range.start, range.end);
-            // Rare, and no matter of order, so they come after the others of their layer.
-            while let Some(&e) = places.slow.get(grid.special.len()).filter(|e| usize::from(**e) < range.end) {
-                let special = special(task, places, grid, usize::from(e));
-                grid.special.push(special);
-            }
-            if task.settings.weights == AreaWeights::Analytic {
-                count_small(places, grid, task.n, layer, range.start..range.end);
-            }
-            if !silhouettes {
-                sweep_all(task, places, grid, range.clone());
-            }
-            end_layer(grid);
+        if range.is_empty() {
+            grid.history[layer + 1] = grid.history[layer];
+            grid.layer_ends[layer] = narrow(range.end);
+            continue;
         }
-        grid.history[layer + 1][..W::BITS].copy_from_slice(&grid.fill[..W::BITS]);
+        if silhouettes {
+            // Before the layer itself fills anything: what was uncovered is not seen through the surface that uncovered it.
+            let trails = task.elements.outline().layer(layer);
+            if !trails.is_empty() {
+                sweep(task, places, grid, trails);
+                close(grid);
+            }
+        }
+        elements(places, grid, range.start, range.end);
+        let mut swept = !silhouettes;
+        // Rare, and no matter of order, so they come after the others of their layer.
+        while let Some(&e) = places.slow.get(grid.special.len()).filter(|e| usize::from(**e) < range.end) {
+            let e = usize::from(e);
+            let special = special(task, places, grid, e);
+            grid.special.push(special);
+            swept |= places.kind[e] & kind::HOLLOW != 0;
+            if by_area && places.counts[e] == [0; 2] && places.area[e] > 0.0 && places.kind[e] & kind::HOLLOW == 0 {
+                count_small(places, grid, task.n, layer, e);
+            }
+        }
+        if by_area {
+            while let Some(&e) = places.small.get(small).filter(|e| usize::from(**e) < range.end) {
+                count_small(places, grid, task.n, layer, usize::from(e));
+                small += 1;
+            }
+        }
+        if !silhouettes {
+            sweep(task, places, grid, range.clone());
+        }
+        end_layer(grid, layer, swept);
         grid.layer_ends[layer] = narrow(range.end);
     }
 }
@@ -59,34 +72,28 @@ fn elements<W: Word>(places: &mut Places, grid: &mut Grid<W>, start: usize, end:
     let kinds = &places.kind[start..end];
     let firsts = &places.first[start..end];
     let counts = &mut places.counts[start..end];
-    let rows = &grid.rows[start..end];
-    for (e, (((kind, first), count), bits)) in kinds.iter().zip(firsts).zip(counts).zip(rows).enumerate() {
-        let fill = &mut grid.layer_fill[e % TURNS];
+    for (e, ((kind, first), count)) in (start..end).zip(kinds.iter().zip(firsts).zip(counts)) {
+        let (drawn, fill) = (&grid.drawn[e / LANES], &mut grid.layer_fill[e % TURNS]);
         *count = match *kind {
-            0 => take::<W, LOW>(bits, *first, &grid.closed, fill),
-            kind::HIGH => take::<W, KEPT>(bits, *first, &grid.closed, fill),
+            0 => take::<W, LOW>(drawn, e % LANES, *first, &grid.closed, fill),
+            kind::HIGH => take::<W, KEPT>(drawn, e % LANES, *first, &grid.closed, fill),
             _ => continue,
         };
     }
 }
 
-/// Counts a texel for each element of layer number `layer` that covers no texel's centre but whose own middle is open, so that it weighs by its
+/// Counts a texel for element `e` of layer number `layer`, which covers no texel's centre, if its own middle is open, so that it weighs by its
 /// area. Else light would be lost where elements shrink on their way: of those smaller than a texel, only the few that meet a centre
 /// would weigh, by that area. It closes nothing, for the few that meet a centre close on average what all of them cover.
 #[inline(always)]
-fn count_small<W: Word>(places: &mut Places, grid: &Grid<W>, n: usize, layer: usize, elements: Range<usize>) {
+fn count_small<W: Word>(places: &mut Places, grid: &Grid<W>, n: usize, layer: usize, e: usize) {
     /// What so many layers before have filled closes no middle: it is mostly the same surface, whose elements each cover a part of the texel. Without this a
     /// room of plain walls would lose 1 % of its light.
-    const SAME_SURFACE: usize = 3;
-    let filled = &grid.history[layer.saturating_sub(SAME_SURFACE)];
-    for e in elements {
-        if places.counts[e] == [0; 2] && places.kind[e] & kind::HOLLOW == 0 && places.area[e] > 0.0 {
-            let middle = places.quad(e).into_iter().sum::<Vec2>() / 4.0;
-            let [i, j] = middle.to_array().map(|x| texel(x, n));
-            let closed = filled[j] | grid.unknown[j];
-            places.counts[e] = if closed & W::bit(i) == W::default() { [1; 2] } else { [0; 2] };
-        }
-    }
+    const SAME_SURFACE: usize = 4;
+    let middle = places.quad(e).into_iter().sum::<Vec2>() / 4.0;
+    let [i, j] = middle.to_array().map(|x| texel(x, n));
+    let closed = grid.history[layer.saturating_sub(SAME_SURFACE)][j] | grid.unknown[j];
+    places.counts[e] = if closed & W::bit(i) == W::default() { [1; 2] } else { [0; 2] };
 }
 
 /// The row or column of a place in the square.
@@ -98,9 +105,23 @@ fn texel(x: f32, n: usize) -> usize {
 
 /// Fills at most `R` rows from `first` on where they are open; counts the bits, and those that it fills.
 #[inline(always)]
-fn take<W: Word, const R: usize>(bits: &[W; KEPT], first: u8, closed: &Mask<W>, fill: &mut Mask<W>) -> [u16; 2] {
-    let bits = bits.first_chunk::<R>().expect("R is at most KEPT");
-    W::take(bits, from_row(closed, first), from_row_mut(fill, first)).map(|count| narrow(count as usize))
+fn take<W: Word, const R: usize>(
+    drawn: &W::Drawn,
+    lane: usize,
+    first: u8,
+    closed: &Mask<W>,
+    fill: &mut Mask<W>,
+) -> [u16; 2] {
+    let (closed, fill) = (from_row::<W, R>(closed, first), from_row_mut::<W, R>(fill, first));
+    let mut counts = [0; 2];
+    for (k, words) in drawn.as_ref().iter().take(R / W::ROWS).enumerate() {
+        let covered = words[lane];
+        let open = covered & !W::load(closed, k);
+        W::add(fill, k, open);
+        counts[0] += covered.count_ones();
+        counts[1] += open.count_ones();
+    }
+    counts.map(|count| narrow(count as usize))
 }
 
 /// The rows of a mask from `first` on.
@@ -119,39 +140,45 @@ fn from_row_mut<W, const R: usize>(mask: &mut Mask<W>, first: u8) -> &mut [W; R]
 
 /// Adds the bits of trails to the masks of the layer.
 #[inline(always)]
-fn sweep_all<W: Word>(task: &Task<'_>, places: &Places, grid: &mut Grid<W>, trails: Range<usize>) {
-    for t in trails {
-        let (bits, first, trail) = (&grid.trail_rows[t], places.trail_first[t], &mut grid.trail[t % TURNS]);
-        match places.trail_kind[t] {
-            0 => sweep_rows::<W, LOW>(bits, first, trail),
-            kind::HIGH => sweep_rows::<W, KEPT>(bits, first, trail),
+fn sweep<W: Word>(task: &Task<'_>, places: &Places, grid: &mut Grid<W>, trails: Range<usize>) {
+    let kinds = &places.trail_kind[trails.clone()];
+    let firsts = &places.trail_first[trails.clone()];
+    for (t, (kind, first)) in trails.zip(kinds.iter().zip(firsts)) {
+        let (drawn, trail) = (&grid.drawn_trails[t / LANES], &mut grid.trail[t % TURNS]);
+        match *kind {
+            0 => sweep_rows::<W, LOW>(drawn, t % LANES, *first, trail),
+            kind::HIGH => sweep_rows::<W, KEPT>(drawn, t % LANES, *first, trail),
             _ => sweep_tall(&trail_polygon(task, places, t), task.n, trail),
         }
     }
 }
 
-/// Makes unknown what trails swept and nothing nearer fills.
+/// Makes unknown what the silhouettes of a layer swept and nothing nearer fills.
 #[inline(always)]
 fn close<W: Word>(grid: &mut Grid<W>) {
     for j in 0..W::BITS {
-        let swept = joined(&grid.trail, j);
+        let swept = joined(&mut grid.trail, j);
         grid.unknown[j] |= swept & !grid.closed[j];
         grid.closed[j] |= swept;
     }
 }
 
-/// Row `j` of masks that elements or sides took in turn.
+/// Row `j` of masks that elements or sides took in turn, which are cleared.
 #[inline(always)]
-fn joined<W: Word>(masks: &[Mask<W>; TURNS], j: usize) -> W {
-    masks[0][j] | masks[1][j] | masks[2][j] | masks[3][j]
+fn joined<W: Word>(masks: &mut [Mask<W>; TURNS], j: usize) -> W {
+    let all = masks[0][j] | masks[1][j] | masks[2][j] | masks[3][j];
+    for mask in masks {
+        mask[j] = W::default();
+    }
+    all
 }
 
 /// At most `R` rows of a trail.
 #[inline(always)]
-fn sweep_rows<W: Word, const R: usize>(bits: &[W; KEPT], first: u8, trail: &mut Mask<W>) {
+fn sweep_rows<W: Word, const R: usize>(drawn: &W::Drawn, lane: usize, first: u8, trail: &mut Mask<W>) {
     let trail = from_row_mut::<W, R>(trail, first);
-    for r in 0..R {
-        trail[r] |= bits[r];
+    for (k, words) in drawn.as_ref().iter().take(R / W::ROWS).enumerate() {
+        W::add(trail, k, words[lane]);
     }
 }
 
@@ -163,17 +190,17 @@ fn sweep_tall<W: Word>(polygon: &[Vec2; 4], n: usize, trail: &mut Mask<W>) {
     }
 }
 
-/// Ends a layer: its bits become filled, and what its trails swept and nothing fills becomes unknown.
+/// Ends a layer: its bits become filled, and what was `swept` behind it and nothing fills becomes unknown.
 #[inline(always)]
-fn end_layer<W: Word>(grid: &mut Grid<W>) {
+fn end_layer<W: Word>(grid: &mut Grid<W>, layer: usize, swept: bool) {
+    let (before, after) = grid.history.split_at_mut(layer + 1);
+    let (before, after) = (&before[layer], &mut after[0]);
     for j in 0..W::BITS {
-        grid.fill[j] |= joined(&grid.layer_fill, j);
-        grid.unknown[j] |= joined(&grid.trail, j) & !grid.fill[j];
-        grid.closed[j] = grid.fill[j] | grid.unknown[j];
-        for turn in 0..TURNS {
-            grid.layer_fill[turn][j] = W::default();
-            grid.trail[turn][j] = W::default();
+        after[j] = before[j] | joined(&mut grid.layer_fill, j);
+        if swept {
+            grid.unknown[j] |= joined(&mut grid.trail, j) & !after[j];
         }
+        grid.closed[j] = after[j] | grid.unknown[j];
     }
 }
 
@@ -241,16 +268,18 @@ mod tests {
         #[test]
         fn fill_trail_unknown_obey_set_algebra(layers in prop::collection::vec((any::<u64>(), any::<u64>(), 0..TURNS), 1..6)) {
             let mut grid = Grid::<u64>::default();
+            grid.history.resize(layers.len() + 1, [0; MAX_RESOLUTION + KEPT]);
             let (mut filled, mut unknown) = (0u64, 0u64);
-            for (fill, trail, turn) in layers {
+            for (layer, (fill, trail, turn)) in layers.into_iter().enumerate() {
                 let open = fill & !grid.closed[3];
                 grid.layer_fill[turn][3] = open;
                 grid.trail[TURNS - 1 - turn][3] = trail;
-                end_layer(&mut grid);
+                end_layer(&mut grid, layer, true);
                 filled |= fill & !(filled | unknown);
                 unknown |= trail & !filled;
                 prop_assert!(grid.layer_fill.iter().chain(&grid.trail).flatten().all(|row| *row == 0), "ready for the next layer");
-                prop_assert_eq!((grid.fill[3], grid.unknown[3], grid.closed[3]), (filled, unknown, filled | unknown));
+                let found = (grid.history[layer + 1][3], grid.unknown[3], grid.closed[3]);
+                prop_assert_eq!(found, (filled, unknown, filled | unknown));
                 prop_assert_eq!(filled & unknown, 0, "disjoint");
             }
         }

@@ -5,12 +5,10 @@
 
 use radcache::{Elements, LANES};
 
-use super::board::{Board, HORIZON, KEPT, LOW, Task, Word, kind};
+use super::board::{Board, HORIZON, KEPT, LOW, Lane, Task, Word, kind};
 use super::scalar::{place_in_square, quotients};
 use super::trails::trail_quads;
 use crate::Coverage;
-
-pub(super) type Lane<T> = [T; LANES];
 
 /// Four corners of 16 quadrilaterals.
 pub(super) type Quads = [Lane<f32>; 4];
@@ -49,10 +47,14 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
         if task.settings.coverage == Coverage::Rectangle {
             (u, v) = rectangles(&u, &v);
         }
-        let rows = lanes_mut(&mut grid.rows, at);
-        spans(&u, &v, scale, lanes_mut(&mut places.first, at), &mut kinds, rows);
+        let is_empty = spans::<W>(&u, &v, scale, lanes_mut(&mut places.first, at), &mut kinds, &mut grid.drawn[chunk]);
         let kinds = kinds.map(|kind| kind as u8);
         *lanes_mut(&mut places.kind, at) = kinds;
+        if is_empty.into_iter().fold(false, |any, empty| any | empty) {
+            let small = (at..elements.len()).zip(is_empty.iter().zip(kinds));
+            let small = small.filter(|(_, (is_empty, kind))| **is_empty && kind & !kind::HIGH == 0);
+            places.small.extend(small.map(|(e, _)| e as u16));
+        }
         // Seldom any, so one question for all of them.
         if kinds.into_iter().fold(0, |all, kind| all | kind) & !kind::HIGH != 0 {
             let slow = (at..elements.len()).zip(kinds).filter(|(_, kind)| kind & !kind::HIGH != 0);
@@ -63,8 +65,8 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
         let at = chunk * LANES;
         let (u, v) = trail_quads(task, places, at);
         let mut kinds = [0u32; LANES];
-        let rows = lanes_mut(&mut grid.trail_rows, at);
-        spans(&u, &v, scale, lanes_mut(&mut places.trail_first, at), &mut kinds, rows);
+        let first = lanes_mut(&mut places.trail_first, at);
+        spans::<W>(&u, &v, scale, first, &mut kinds, &mut grid.drawn_trails[chunk]);
         *lanes_mut(&mut places.trail_kind, at) = kinds.map(|kind| kind as u8);
     }
 }
@@ -159,7 +161,7 @@ fn nearest_whole(x: f32) -> u32 {
 /// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also below 0, and leaves that in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
-/// The rows of 16 quadrilaterals with corners in the square, from the first row of each on.
+/// The rows of 16 quadrilaterals with corners in the square, from the first row of each on; tells which cover nothing, as far as that was drawn.
 #[inline(always)]
 fn spans<W: Word>(
     u: &Quads,
@@ -167,8 +169,8 @@ fn spans<W: Word>(
     scale: f32,
     first: &mut Lane<u8>,
     kinds: &mut Lane<u32>,
-    rows: &mut Lane<[W; KEPT]>,
-) {
+    drawn: &mut W::Drawn,
+) -> Lane<bool> {
     let (mut x_low, mut y_low, mut y_high, mut slope) =
         ([[0.0; LANES]; 4], [[0.0; LANES]; 4], [[0.0; LANES]; 4], [[0.0; LANES]; 4]);
     let mut start = [0f32; LANES];
@@ -195,33 +197,36 @@ fn spans<W: Word>(
         kinds[e] |= high * u32::from(kind::HIGH) + tall * u32::from(kind::TALL);
     }
     *first = starts.map(|start| start as u8);
-    let tallest = heights.into_iter().fold(0, |a, b| if a > b { a } else { b });
-    let mut by_row = [[W::default(); LANES]; KEPT];
-    for r in 0..KEPT.min(tallest as usize) {
-        for e in 0..LANES {
-            let centre = start[e] + r as f32;
-            let mut bits = W::default();
-            for k in 0..4 {
-                let crossing = x_low[k][e] + (centre - y_low[k][e]) * slope[k][e];
-                // Level edges cross no row, which also keeps their slopes out.
-                let crosses = (y_low[k][e] <= centre) & (centre < y_high[k][e]);
-                bits = bits ^ if crosses { W::from_bit(nearest_whole(crossing)) } else { W::default() };
-            }
-            by_row[r][e] = bits;
-        }
-    }
-    for e in 0..LANES {
-        for r in 0..LOW {
-            rows[e][r] = by_row[r][e];
-        }
-    }
-    if tallest as usize > LOW {
-        for e in 0..LANES {
-            for r in LOW..KEPT {
-                rows[e][r] = by_row[r][e];
+    let tallest = heights.into_iter().fold(0, |a, b| if a > b { a } else { b }) as usize;
+    let drawn = drawn.as_mut();
+    let mut all = [0u64; LANES];
+    for k in 0..tallest.min(KEPT).div_ceil(W::ROWS) {
+        let mut rows = [[W::default(); LANES]; 2];
+        for (r, row) in rows.iter_mut().enumerate().take(W::ROWS) {
+            let r = (k * W::ROWS + r) as f32;
+            for e in 0..LANES {
+                let centre = start[e] + r;
+                let mut bits = W::default();
+                for k in 0..4 {
+                    let crossing = x_low[k][e] + (centre - y_low[k][e]) * slope[k][e];
+                    // Level edges cross no row, which also keeps their slopes out.
+                    let crosses = (y_low[k][e] <= centre) & (centre < y_high[k][e]);
+                    bits = bits ^ if crosses { W::from_bit(nearest_whole(crossing)) } else { W::default() };
+                }
+                row[e] = bits;
             }
         }
+        drawn[k] = W::pack(&rows);
+        for e in 0..LANES {
+            all[e] |= drawn[k][e];
+        }
     }
+    // Nobody asks for more than the first rows unless one is high.
+    let asked = if tallest > LOW { KEPT } else { LOW } / W::ROWS;
+    for words in drawn.iter_mut().take(asked).skip(tallest.min(KEPT).div_ceil(W::ROWS)) {
+        *words = [0; LANES];
+    }
+    all.map(|bits| bits == 0)
 }
 
 #[cfg(test)]

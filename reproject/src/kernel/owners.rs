@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use radcache::MAX_RESOLUTION;
 
-use super::board::{Board, KEPT, LOW, Special, Word, kind};
+use super::board::{Board, KEPT, LOW, Special, Word, kind, word};
 
 /// No element.
 pub(crate) const NOBODY: u16 = u16::MAX;
@@ -13,12 +13,12 @@ impl<W: Word> Board<W> {
     /// The element that fills the texel in column `i` of row `j`: the first of its layer that covers it.
     pub(crate) fn owner(&self, i: usize, j: usize) -> Option<usize> {
         let bit = W::bit(i);
-        let has = |rows: &[W; MAX_RESOLUTION]| rows[j] & bit != W::default();
-        let layer = self.grid.history.iter().position(has)?.checked_sub(1)?;
+        let has = |rows: &[W]| rows[j] & bit != W::default();
+        let layer = self.grid.history.iter().position(|filled| has(filled))?.checked_sub(1)?;
         let range = self.layer(layer);
         let covers = |e: &usize| {
             let row = j.wrapping_sub(usize::from(self.places.first[*e]));
-            row < self.kept(*e) && self.grid.rows[*e][row] & bit != W::default()
+            row < self.kept(*e) && self.row(*e, row) & bit != W::default()
         };
         let plain = range.clone().find(covers);
         let special =
@@ -41,12 +41,11 @@ impl<W: Word> Board<W> {
             let mut specials = self.specials(&range).peekable();
             for e in range.clone() {
                 let number = u16::try_from(e).expect("at most 64 x 64 elements");
-                let (first, rows) = match specials.next_if(|special| special.element == number) {
-                    Some(special) => (0, &special.rows[..n]),
-                    None => (usize::from(places.first[e]), &grid.rows[e][..self.kept(e)]),
-                };
-                for (j, (row, rest)) in (first..).zip(rows.iter().zip(&mut rest[first..])) {
-                    let take = *row & *rest;
+                let special = specials.next_if(|special| special.element == number);
+                let (first, count) = special.map_or((usize::from(places.first[e]), self.kept(e)), |_| (0, n));
+                for (j, rest) in (first..first + count).zip(&mut rest[first..]) {
+                    let row = special.map_or_else(|| self.row(e, j - first), |special| special.rows[j]);
+                    let take = row & *rest;
                     *rest &= !take;
                     let mut bits = take.widen();
                     while bits != 0 {
@@ -56,6 +55,11 @@ impl<W: Word> Board<W> {
                 }
             }
         }
+    }
+
+    /// A row of an element, counted from its first.
+    fn row(&self, e: usize, row: usize) -> W {
+        W::unpack(word::<W>(&self.grid.drawn, e, row / W::ROWS), row % W::ROWS)
     }
 
     /// The number of rows that are kept of an element.

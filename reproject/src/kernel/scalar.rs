@@ -6,7 +6,7 @@ use glam::{Mat3A, Vec2, Vec3A};
 use hemimap::atan_unit;
 use radcache::{Elements, LANES};
 
-use super::board::{Board, KEPT, LOW, Task, Word, kind};
+use super::board::{Board, KEPT, LOW, Task, Word, kind, word};
 use super::trails::trail_polygon;
 use crate::clip::signed_area;
 use crate::raster::polygon_rows;
@@ -119,31 +119,37 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
                 [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
             }
         };
-        let (first, tall) = keep(&quad, task.n, &mut grid.rows[e]);
+        let (first, tall) = keep::<W>(&quad, task.n, &mut grid.drawn[e / LANES], e % LANES);
         places.first[e] = first;
         places.kind[e] = kinds | tall;
         if kinds | tall & kind::TALL != 0 {
             places.slow.push(e as u16);
+        } else if (0..KEPT / W::ROWS).all(|k| word::<W>(&grid.drawn, e, k) == 0) {
+            places.small.push(e as u16);
         }
     }
     for t in 0..task.trail_count() {
         let polygon = trail_polygon(task, places, t);
-        (places.trail_first[t], places.trail_kind[t]) = keep(&polygon, task.n, &mut grid.trail_rows[t]);
+        let drawn = &mut grid.drawn_trails[t / LANES];
+        (places.trail_first[t], places.trail_kind[t]) = keep::<W>(&polygon, task.n, drawn, t % LANES);
     }
     super::fill::fill(task, board);
     board.show(masks);
     super::sums::sum(task, &board.places)
 }
 
-/// Keeps the first rows of a polygon; tells which was the first, and whether there were more.
-fn keep<W: Word>(polygon: &[Vec2; 4], n: usize, kept: &mut [W; KEPT]) -> (u8, u8) {
+/// Keeps the first rows of a polygon in a lane; tells which was the first, and whether there were more.
+fn keep<W: Word>(polygon: &[Vec2; 4], n: usize, drawn: &mut W::Drawn, lane: usize) -> (u8, u8) {
     let mut bits: Rows = [0; radcache::MAX_RESOLUTION];
     let rows = polygon_rows(polygon, n, &mut bits);
     let first = rows.start;
     let tall = if rows.len() > KEPT { kind::TALL } else { 0 } | if rows.len() > LOW { kind::HIGH } else { 0 };
-    *kept = [W::default(); KEPT];
+    let mut kept = [W::default(); KEPT];
     for (kept, row) in kept.iter_mut().zip(&bits[rows]) {
         *kept = W::narrow(*row);
+    }
+    for (k, words) in drawn.as_mut().iter_mut().enumerate() {
+        words[lane] = W::load(&kept, k);
     }
     (first as u8, tall)
 }

@@ -8,8 +8,8 @@
 use glam::{Vec2, Vec3A};
 use radcache::{Elements, LANES};
 
-use super::board::{Places, Task};
-use super::lanes::{Lane, Quads, lanes, max, min};
+use super::board::{Lane, Places, Task};
+use super::lanes::{Quads, lanes, max, min};
 use super::scalar::{direction_to_square, to_square};
 use crate::Trails;
 
