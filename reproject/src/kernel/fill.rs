@@ -195,12 +195,17 @@ fn sweep_tall<W: Word>(polygon: &[Vec2; 4], n: usize, trail: &mut Mask<W>) {
 fn end_layer<W: Word>(grid: &mut Grid<W>, layer: usize, swept: bool) {
     let (before, after) = grid.history.split_at_mut(layer + 1);
     let (before, after) = (&before[layer], &mut after[0]);
-    for j in 0..W::BITS {
-        after[j] = before[j] | joined(&mut grid.layer_fill, j);
-        if swept {
+    if swept {
+        for j in 0..W::BITS {
+            after[j] = before[j] | joined(&mut grid.layer_fill, j);
             grid.unknown[j] |= joined(&mut grid.trail, j) & !after[j];
+            grid.closed[j] = after[j] | grid.unknown[j];
         }
-        grid.closed[j] = after[j] | grid.unknown[j];
+    } else {
+        for j in 0..W::BITS {
+            after[j] = before[j] | joined(&mut grid.layer_fill, j);
+            grid.closed[j] = after[j] | grid.unknown[j];
+        }
     }
 }
 

@@ -5,6 +5,8 @@
 //! much, nobody would look for that: it would keep a sixth of a texel too much on the average. So what the side has just left behind it is unknown as far
 //! inside as it moved, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette that advances covers its trail itself.
 
+#![expect(clippy::needless_range_loop, reason = "one index for many arrays")]
+
 use glam::{Vec2, Vec3A};
 use radcache::{Elements, LANES};
 
@@ -20,9 +22,10 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
     match task.settings.trails {
         Trails::Silhouettes => {
             let outline = task.elements.outline();
-            let ends = [0, 1].map(|end| lanes(&outline.ends[end], at));
-            let now = ends.map(|end| (end.map(|k| places.u[usize::from(k)]), end.map(|k| places.v[usize::from(k)])));
+            let ends = [lanes(&outline.ends[0], at), lanes(&outline.ends[1], at)];
+            let mut now = [([0.0; LANES], [0.0; LANES]); 2];
             for end in 0..2 {
+                now[end] = (pick(&places.u, ends[end]), pick(&places.v, ends[end]));
                 (u[end], v[end]) = if task.is_turned() {
                     turned_corners(task, ends[end])
                 } else {
@@ -31,7 +34,7 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
             }
             let margin = lanes(&outline.margin, at);
             for e in 0..LANES {
-                let ends = [0, 1].map(|end| [now[end].0[e], now[end].1[e]]);
+                let ends = [[now[0].0[e], now[0].1[e]], [now[1].0[e], now[1].1[e]]];
                 for end in 0..2 {
                     let before = [u[end][e], v[end][e]];
                     [u[3 - end][e], v[3 - end][e]] = left_behind(before, ends[end], ends, task.margin(margin[e]));
@@ -108,11 +111,21 @@ fn swept_box(task: &Task<'_>, places: &Places, e: usize) -> [Vec2; 2] {
     corners.fold(start, |[low, high], corner| [low.min(corner), high.max(corner)])
 }
 
+/// Numbers from a list. In a loop, for the compiler makes calls of the closures of arrays.
+#[inline(always)]
+fn pick(list: &[f32], numbers: &Lane<u16>) -> Lane<f32> {
+    let mut picked = [0.0; LANES];
+    for lane in 0..LANES {
+        picked[lane] = list[usize::from(numbers[lane])];
+    }
+    picked
+}
+
 /// Corners as the record saw them, in the frame of a point whose normal is another.
 #[inline(always)]
 fn turned_corners(task: &Task<'_>, corners: &Lane<u16>) -> (Lane<f32>, Lane<f32>) {
     let Elements { x, y, z, .. } = task.elements;
-    let [x, y, z] = [x, y, z].map(|axis| corners.map(|number| axis[usize::from(number)]));
+    let (x, y, z) = (pick(x, corners), pick(y, corners), pick(z, corners));
     let (m0, m1, m2) = (task.rotation.x_axis, task.rotation.y_axis, task.rotation.z_axis);
     let (mut u, mut v) = ([0.0; LANES], [0.0; LANES]);
     for e in 0..LANES {
