@@ -176,7 +176,7 @@ impl Task<'_> {
 
 /// Why an element or a trail takes the slow way; a set of bits, none for those that lanes have done.
 pub(crate) mod kind {
-    /// A corner lies below the horizon.
+    /// A corner lies below the horizon, and cut off it leaves more than a quadrilateral.
     pub(crate) const CUT: u8 = 1;
     /// More than [`super::KEPT`] rows.
     pub(crate) const TALL: u8 = 2;
@@ -184,6 +184,14 @@ pub(crate) mod kind {
     pub(crate) const HOLLOW: u8 = 4;
     /// More than [`super::LOW`] rows; alone, it is done in lanes too.
     pub(crate) const HIGH: u8 = 8;
+    /// Wholly below the horizon: nothing is done.
+    pub(crate) const BELOW: u8 = 16;
+
+    /// Whether an element takes the slow way.
+    #[inline(always)]
+    pub(crate) fn is_slow(kind: u8) -> bool {
+        kind & (CUT | TALL | HOLLOW) != 0 && kind & BELOW == 0
+    }
 }
 
 /// Makes a list at least so long. It never shrinks, for what is added is written first.
@@ -233,6 +241,13 @@ impl Places {
         self.small.reserve(padded);
         grow(&mut self.trail_first, trails);
         grow(&mut self.trail_kind, trails);
+    }
+
+    /// Moves the corners of element `e`.
+    pub(crate) fn set_quad(&mut self, e: usize, quad: &[Vec2; 4]) {
+        for (k, corner) in quad.iter().enumerate() {
+            (self.u[k * self.padded + e], self.v[k * self.padded + e]) = (*corner).into();
+        }
     }
 
     /// The corners of element `e`.

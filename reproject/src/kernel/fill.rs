@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3A};
+use glam::Vec2;
 use radcache::{LANES, MAX_RESOLUTION};
 
-use super::board::{Board, Grid, HORIZON, KEPT, LOW, Mask, Places, Special, TURNS, Task, Word, kind};
+use super::board::{Board, Grid, KEPT, LOW, Mask, Places, Special, TURNS, Task, Word, kind};
+use super::cut::space;
 use super::trails::trail_polygon;
 use crate::clip::{MAX_CLIPPED, clip_at_horizon, signed_area};
 use crate::raster::{polygon_rows, rectangle_rows};
@@ -217,7 +218,12 @@ fn special<W: Word>(task: &Task<'_>, places: &mut Places, grid: &mut Grid<W>, e:
     let place = places.quad(e);
     let mut clipped = [Vec2::ZERO; MAX_CLIPPED];
     let is_cut = places.kind[e] & kind::CUT != 0;
-    let polygon = if is_cut { above_horizon(task, e, &place, &mut clipped) } else { &place };
+    let polygon = if is_cut {
+        let corners = clip_at_horizon(&space(task, e), &mut clipped);
+        &clipped[..corners]
+    } else {
+        &place[..]
+    };
     let area = signed_area(polygon);
     places.area[e] = area;
     let rows = match task.settings.coverage {
@@ -241,27 +247,6 @@ fn special<W: Word>(task: &Task<'_>, places: &mut Places, grid: &mut Grid<W>, e:
     }
     places.counts[e] = [covered, taken].map(|count| narrow(count as usize));
     special
-}
-
-/// The part above the horizon of an element with a corner below it.
-fn above_horizon<'a>(
-    task: &Task<'_>,
-    e: usize,
-    place: &'a [Vec2; 4],
-    clipped: &'a mut [Vec2; MAX_CLIPPED],
-) -> &'a [Vec2] {
-    let elements = task.elements;
-    let space: [Vec3A; 4] =
-        std::array::from_fn(|k| task.rotation * (elements.corner(e, k) - task.offset * elements.finite[e]));
-    let below = |corner: &Vec3A| corner.z < -HORIZON * corner.length();
-    match space.iter().filter(|corner| below(corner)).count() {
-        0 => place,
-        4 => &[],
-        _ => {
-            let corners = clip_at_horizon(&space, clipped);
-            &clipped[..corners]
-        }
-    }
 }
 
 #[cfg(test)]

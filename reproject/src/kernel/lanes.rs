@@ -5,7 +5,8 @@
 
 use radcache::{Elements, LANES};
 
-use super::board::{Board, HORIZON, KEPT, LOW, Lane, Task, Word, kind};
+use super::board::{Board, HORIZON, KEPT, LOW, Lane, Places, Task, Word, kind};
+use super::cut::lift;
 use super::scalar::{place_in_square, quotients};
 use super::trails::trail_quads;
 use crate::Coverage;
@@ -33,6 +34,9 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             *lanes_mut(&mut places.u, k * padded + at) = u[k];
             *lanes_mut(&mut places.v, k * padded + at) = v[k];
         }
+        if any(&kinds, kind::CUT.into()) {
+            lift_lanes(task, places, at, &mut u, &mut v, &mut kinds);
+        }
         let area = lanes_mut(&mut places.area, at);
         let view_dependent = lanes(&elements.view_dependent, at);
         for e in 0..LANES {
@@ -57,7 +61,7 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
         }
         // Seldom any, so one question for all of them.
         if kinds.into_iter().fold(0, |all, kind| all | kind) & !kind::HIGH != 0 {
-            let slow = (at..elements.len()).zip(kinds).filter(|(_, kind)| kind & !kind::HIGH != 0);
+            let slow = (at..elements.len()).zip(kinds).filter(|(_, kind)| kind::is_slow(*kind));
             places.slow.extend(slow.map(|(e, _)| e as u16));
         }
     }
@@ -79,6 +83,26 @@ pub(super) fn lanes<T>(list: &[T], at: usize) -> &Lane<T> {
 #[inline(always)]
 fn lanes_mut<T>(list: &mut [T], at: usize) -> &mut Lane<T> {
     list[at..].first_chunk_mut().expect("lists are padded")
+}
+
+/// Lifts the elements that reach below the horizon, see [`lift`].
+#[cold]
+fn lift_lanes(task: &Task<'_>, places: &mut Places, at: usize, u: &mut Quads, v: &mut Quads, kinds: &mut Lane<u32>) {
+    for (lane, kind) in kinds.iter_mut().enumerate().take(task.elements.len() - at) {
+        if *kind & u32::from(kind::CUT) != 0 {
+            *kind = lift(task, places, at + lane).into();
+        }
+    }
+    for k in 0..4 {
+        let number = k * task.elements.padded_len() + at;
+        (u[k], v[k]) = (*lanes(&places.u, number), *lanes(&places.v, number));
+    }
+}
+
+/// Whether any number has one of these bits.
+#[inline(always)]
+fn any(numbers: &Lane<u32>, bits: u32) -> bool {
+    numbers.iter().fold(0, |all, number| all | number) & bits != 0
 }
 
 /// The corners of 16 elements in the square, and which elements reach below the horizon; the frame turns, or does not.

@@ -7,6 +7,7 @@ use hemimap::atan_unit;
 use radcache::{Elements, LANES};
 
 use super::board::{Board, KEPT, LOW, Task, Word, kind, word};
+use super::cut::lift;
 use super::trails::trail_polygon;
 use crate::clip::signed_area;
 use crate::raster::polygon_rows;
@@ -106,6 +107,9 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
             (places.u[number], places.v[number]) = to_square(corner.x, corner.y, corner.z);
             kinds |= if corner.z >= 0.0 { 0 } else { kind::CUT };
         }
+        if kinds & kind::CUT != 0 {
+            kinds = lift(task, places, e);
+        }
         let quad = places.quad(e);
         let area = signed_area(&quad);
         places.area[e] = area;
@@ -120,11 +124,12 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
             }
         };
         let (first, tall) = keep::<W>(&quad, task.n, &mut grid.drawn[e / LANES], e % LANES);
+        kinds |= tall;
         places.first[e] = first;
-        places.kind[e] = kinds | tall;
-        if kinds | tall & kind::TALL != 0 {
+        places.kind[e] = kinds;
+        if kind::is_slow(kinds) {
             places.slow.push(e as u16);
-        } else if (0..KEPT / W::ROWS).all(|k| word::<W>(&grid.drawn, e, k) == 0) {
+        } else if kinds & !kind::HIGH == 0 && (0..KEPT / W::ROWS).all(|k| word::<W>(&grid.drawn, e, k) == 0) {
             places.small.push(e as u16);
         }
     }
