@@ -11,6 +11,9 @@ use crate::{Elements, LANES};
 pub struct Outline {
     /// The corners at both ends of a side, with the element on the left: corner `k` of element `e` has the number `k * padded_len + e`.
     pub ends: [Vec<u16>; 2],
+    /// Unit normal, towards the side of the element, of the plane through the record and both ends: x, y and z, in the frame of the record. A point that is off that plane on the
+    /// other side sees past the silhouette.
+    pub inwards: [Vec<f32>; 3],
     /// Where in the square the record saw both ends: u.
     pub u: [Vec<f32>; 2],
     /// The same: v.
@@ -35,7 +38,9 @@ impl Outline {
                 let blurred = elements.background_share[e] != 0.0 || elements.view_dependent[e];
                 let margin = if blurred { 0.0 } else { 1.0 / n };
                 for k in (0..4).filter(|&k| elements.sides[e].has(k)) {
+                    let inwards = elements.corner(e, k).cross(elements.corner(e, (k + 1) % 4)).normalize_or_zero();
                     outline.margin.push(margin);
+                    outline.inwards.iter_mut().zip(inwards.to_array()).for_each(|(list, x)| list.push(x));
                     for (end, k) in [k, (k + 1) % 4].into_iter().enumerate() {
                         let [u, v] = elements.grid_corner(e, k);
                         outline.ends[end].push(number(k * padded + e));
@@ -47,13 +52,9 @@ impl Outline {
             outline.layer_starts.push(number(outline.margin.len()));
         }
         let padded = outline.len().next_multiple_of(LANES);
-        outline.ends.iter_mut().for_each(|list| list.resize(padded, 0));
-        outline
-            .u
-            .iter_mut()
-            .chain(&mut outline.v)
-            .chain([&mut outline.margin])
-            .for_each(|list| list.resize(padded, 0.0));
+        let Self { ends, inwards, u, v, margin, .. } = &mut outline;
+        ends.iter_mut().for_each(|list| list.resize(padded, 0));
+        inwards.iter_mut().chain(u).chain(v).chain([margin]).for_each(|list| list.resize(padded, 0.0));
         outline
     }
 
@@ -78,7 +79,7 @@ impl Outline {
     /// Bytes that the arrays take.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.margin.len() * (2 * size_of::<u16>() + 5 * size_of::<f32>()) + self.layer_starts.len() * size_of::<u16>()
+        self.margin.len() * (2 * size_of::<u16>() + 8 * size_of::<f32>()) + self.layer_starts.len() * size_of::<u16>()
     }
 }
 

@@ -158,9 +158,9 @@ impl Task<'_> {
         self.rotation != Mat3A::IDENTITY
     }
 
-    /// Number of trails: one for each silhouette, or for each element.
+    /// Most trails that there may be: one for each silhouette, or for each element.
     #[inline(always)]
-    pub(crate) fn trail_count(&self) -> usize {
+    fn most_trails(&self) -> usize {
         match self.settings.trails {
             Trails::Silhouettes => self.elements.outline().len(),
             Trails::All => self.elements.len(),
@@ -220,7 +220,10 @@ pub(crate) struct Places {
     pub(crate) slow: Vec<u16>,
     /// Elements with area that cover no texel's centre, in order.
     pub(crate) small: Vec<u16>,
-    /// First row and kind of each trail.
+    /// What leaves a trail, in order: numbers of sides in the outline, or of elements.
+    pub(crate) trails: Vec<u16>,
+    pub(crate) trail_count: usize,
+    /// First row and kind of each of them.
     pub(crate) trail_first: Vec<u8>,
     pub(crate) trail_kind: Vec<u8>,
 }
@@ -239,6 +242,7 @@ impl Places {
         self.slow.reserve(padded);
         self.small.clear();
         self.small.reserve(padded);
+        grow(&mut self.trails, trails);
         grow(&mut self.trail_first, trails);
         grow(&mut self.trail_kind, trails);
     }
@@ -319,7 +323,8 @@ impl<W: Word> Board<W> {
     #[inline(always)]
     pub(super) fn reset(&mut self, task: &Task<'_>, masks: &Masks) {
         let padded = task.elements.padded_len();
-        let trails = task.trail_count().next_multiple_of(LANES);
+        // The next one is written before it is known whether it is one.
+        let trails = (task.most_trails() + 1).next_multiple_of(LANES);
         self.places.grow(padded, trails);
         // Padding covers nothing.
         self.places.counts[task.elements.len()..padded].fill([0; 2]);

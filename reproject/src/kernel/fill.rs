@@ -18,7 +18,7 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
     let Board { places, grid } = board;
     let silhouettes = task.settings.trails == Trails::Silhouettes;
     let by_area = task.settings.weights == AreaWeights::Analytic;
-    let mut small = 0;
+    let (mut small, mut trail) = (0, 0);
     for layer in 0..task.elements.layer_count() {
         let range = task.elements.layer(layer);
         if range.is_empty() {
@@ -28,7 +28,8 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
         }
         if silhouettes {
             // Before the layer itself fills anything: what was uncovered is not seen through the surface that uncovered it.
-            let trails = task.elements.outline().layer(layer);
+            let trails = trails_before(places, trail, task.elements.outline().layer(layer).end);
+            trail = trails.end;
             if !trails.is_empty() {
                 sweep(task, places, grid, trails);
                 close(grid);
@@ -53,7 +54,9 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             }
         }
         if !silhouettes {
-            sweep(task, places, grid, range.clone());
+            let trails = trails_before(places, trail, range.end);
+            trail = trails.end;
+            sweep(task, places, grid, trails);
         }
         end_layer(grid, layer, swept);
         grid.layer_ends[layer] = narrow(range.end);
@@ -137,6 +140,13 @@ fn from_row_mut<W, const R: usize>(mask: &mut Mask<W>, first: u8) -> &mut [W; R]
     mask[usize::from(first) % MAX_RESOLUTION..]
         .first_chunk_mut()
         .expect("masks have room for a polygon in the last row")
+}
+
+/// The listed trails from number `from` on that sides or elements before `end` leave.
+#[inline(always)]
+fn trails_before(places: &Places, from: usize, end: usize) -> Range<usize> {
+    let rest = &places.trails[from..places.trail_count];
+    from..from + rest.iter().take_while(|number| usize::from(**number) < end).count()
 }
 
 /// Adds the bits of trails to the masks of the layer.

@@ -8,7 +8,7 @@ use radcache::{Elements, LANES};
 use super::board::{Board, HORIZON, KEPT, LOW, Lane, Places, Task, Word, kind};
 use super::cut::lift;
 use super::scalar::{place_in_square, quotients};
-use super::trails::trail_quads;
+use super::trails::{list_trails, trail_quads};
 use crate::Coverage;
 
 /// Four corners of 16 quadrilaterals.
@@ -65,7 +65,7 @@ pub(super) fn draw<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             places.slow.extend(slow.map(|(e, _)| e as u16));
         }
     }
-    for chunk in 0..task.trail_count().div_ceil(LANES) {
+    for chunk in 0..list_trails(task, places).div_ceil(LANES) {
         let at = chunk * LANES;
         let (u, v) = trail_quads(task, places, at);
         let mut kinds = [0u32; LANES];

@@ -8,7 +8,7 @@ use radcache::{Elements, LANES};
 
 use super::board::{Board, KEPT, LOW, Task, Word, kind, word};
 use super::cut::lift;
-use super::trails::trail_polygon;
+use super::trails::{list_trails, trail_polygon};
 use crate::clip::signed_area;
 use crate::raster::polygon_rows;
 use crate::{Coverage, Masks, Rows};
@@ -133,7 +133,7 @@ pub(super) fn project<W: Word>(task: &Task<'_>, masks: &mut Masks, board: &mut B
             places.small.push(e as u16);
         }
     }
-    for t in 0..task.trail_count() {
+    for t in 0..list_trails(task, places) {
         let polygon = trail_polygon(task, places, t);
         let drawn = &mut grid.drawn_trails[t / LANES];
         (places.trail_first[t], places.trail_kind[t]) = keep::<W>(&polygon, task.n, drawn, t % LANES);

@@ -5,6 +5,7 @@
 //! much, nobody would look for that: it would keep a sixth of a texel too much on the average. So what the side has just left behind it is unknown as far
 //! inside as it moved, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette that advances covers its trail itself.
 
+#![expect(clippy::cast_possible_truncation, reason = "at most 4 x 64 x 64 sides")]
 #![expect(clippy::needless_range_loop, reason = "one index for many arrays")]
 
 use glam::{Vec2, Vec3A};
@@ -15,24 +16,60 @@ use super::lanes::{Quads, lanes, max, min};
 use super::scalar::{direction_to_square, to_square};
 use crate::Trails;
 
-/// What 16 trails cover: for a side what it left, else the rectangle that encloses an element at both places.
+/// Lists what leaves a trail, in order: sides that retreat, or elements that move. Gives their number; the list is padded to whole chunks of lanes with the first side or element.
+#[inline(always)]
+pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
+    let list = &mut places.trails;
+    let mut count = 0;
+    // Each is written, and stays if it is counted: no branch, which nobody could predict.
+    match task.settings.trails {
+        Trails::Silhouettes => {
+            let outline = task.elements.outline();
+            for at in (0..outline.len()).step_by(LANES) {
+                let [x, y, z] =
+                    [&outline.inwards[0], &outline.inwards[1], &outline.inwards[2]].map(|axis| lanes(axis, at));
+                let mut retreats = [0; LANES];
+                for side in 0..LANES {
+                    let inwards = task.offset.x * x[side] + task.offset.y * y[side] + task.offset.z * z[side];
+                    retreats[side] = usize::from(inwards < 0.0);
+                }
+                for side in 0..LANES {
+                    list[count] = (at + side) as u16;
+                    count += retreats[side];
+                }
+            }
+        }
+        Trails::All => {
+            for (e, &finite) in task.elements.finite[..task.elements.len()].iter().enumerate() {
+                list[count] = e as u16;
+                count += usize::from(finite != 0.0);
+            }
+        }
+    }
+    list[count..count.next_multiple_of(LANES)].fill(0);
+    places.trail_count = count;
+    count
+}
+
+/// What 16 of the listed trails cover: for a side what it left, else the rectangle that encloses an element at both places.
 #[inline(always)]
 pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads, Quads) {
+    let numbers = lanes(&places.trails, at);
     let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
     match task.settings.trails {
         Trails::Silhouettes => {
             let outline = task.elements.outline();
-            let ends = [lanes(&outline.ends[0], at), lanes(&outline.ends[1], at)];
             let mut now = [([0.0; LANES], [0.0; LANES]); 2];
             for end in 0..2 {
-                now[end] = (pick(&places.u, ends[end]), pick(&places.v, ends[end]));
+                let corners = pick(&outline.ends[end], numbers);
+                now[end] = (pick(&places.u, &corners), pick(&places.v, &corners));
                 (u[end], v[end]) = if task.is_turned() {
-                    turned_corners(task, ends[end])
+                    turned_corners(task, &corners)
                 } else {
-                    (*lanes(&outline.u[end], at), *lanes(&outline.v[end], at))
+                    (pick(&outline.u[end], numbers), pick(&outline.v[end], numbers))
                 };
             }
-            let margin = lanes(&outline.margin, at);
+            let margin = pick(&outline.margin, numbers);
             for e in 0..LANES {
                 let ends = [[now[0].0[e], now[0].1[e]], [now[1].0[e], now[1].1[e]]];
                 for end in 0..2 {
@@ -42,8 +79,8 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
             }
         }
         Trails::All => {
-            for lane in 0..LANES {
-                let [low, high] = swept_box(task, places, at + lane);
+            for (lane, &number) in numbers.iter().enumerate() {
+                let [low, high] = swept_box(task, places, number.into());
                 (u[0][lane], u[1][lane], u[2][lane], u[3][lane]) = (low.x, high.x, high.x, low.x);
                 (v[0][lane], v[1][lane], v[2][lane], v[3][lane]) = (low.y, low.y, high.y, high.y);
             }
@@ -52,8 +89,9 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
     (u, v)
 }
 
-/// Trail number `t`: that of a side, or of an element.
+/// Number `t` of the listed trails.
 pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, t: usize) -> [Vec2; 4] {
+    let t = usize::from(places.trails[t]);
     match task.settings.trails {
         Trails::Silhouettes => {
             let outline = task.elements.outline();
@@ -94,11 +132,8 @@ fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32
     [end(0), end(1)]
 }
 
-/// The rectangle that encloses the old and the new place of element `e`; empty if it lies at infinity, whence it does not move.
+/// The rectangle that encloses the old and the new place of element `e`.
 fn swept_box(task: &Task<'_>, places: &Places, e: usize) -> [Vec2; 2] {
-    if task.elements.finite[e] == 0.0 {
-        return [Vec2::ZERO; 2];
-    }
     let before = |k: usize| {
         if task.is_turned() {
             direction_to_square(task.rotation * task.elements.corner(e, k))
@@ -111,10 +146,10 @@ fn swept_box(task: &Task<'_>, places: &Places, e: usize) -> [Vec2; 2] {
     corners.fold(start, |[low, high], corner| [low.min(corner), high.max(corner)])
 }
 
-/// Numbers from a list. In a loop, for the compiler makes calls of the closures of arrays.
+/// What is at 16 places of a list. In a loop, for the compiler makes calls of the closures of arrays.
 #[inline(always)]
-fn pick(list: &[f32], numbers: &Lane<u16>) -> Lane<f32> {
-    let mut picked = [0.0; LANES];
+fn pick<T: Copy + Default>(list: &[T], numbers: &Lane<u16>) -> Lane<T> {
+    let mut picked = [T::default(); LANES];
     for lane in 0..LANES {
         picked[lane] = list[usize::from(numbers[lane])];
     }
