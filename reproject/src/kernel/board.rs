@@ -336,8 +336,8 @@ impl<W: Word> Board<W> {
         grid.special.clear();
         grid.layer_ends.resize(task.elements.layer_count(), 0);
         (grid.unknown, grid.layer_fill, grid.trail) = (empty, [empty; TURNS], [empty; TURNS]);
-        for j in 0..W::BITS {
-            let [fill, unknown] = [&masks.fill, &masks.unknown].map(|rows| W::narrow(rows[j]));
+        for (j, (&fill, &unknown)) in masks.fill.iter().zip(&masks.unknown).enumerate().take(W::BITS) {
+            let (fill, unknown) = (W::narrow(fill), W::narrow(unknown));
             (grid.history[0][j], grid.unknown[j], grid.closed[j]) = (fill, unknown, fill | unknown);
         }
     }
@@ -346,9 +346,9 @@ impl<W: Word> Board<W> {
     #[inline(always)]
     pub(super) fn show(&self, masks: &mut Masks) {
         let fill = self.grid.history.last().expect("one more than layers");
-        for j in 0..W::BITS {
-            masks.fill[j] = fill[j].widen();
-            masks.unknown[j] = self.grid.unknown[j].widen();
+        let drawn = fill.iter().zip(&self.grid.unknown).take(W::BITS);
+        for ((&fill, &unknown), (fill_row, unknown_row)) in drawn.zip(masks.fill.iter_mut().zip(&mut masks.unknown)) {
+            (*fill_row, *unknown_row) = (fill.widen(), unknown.widen());
         }
     }
 }
