@@ -36,7 +36,8 @@ const PAIRS: usize = 12;
 const PATHS: u32 = 32;
 
 /// Gathers of `n x n` texels seen by the cameras of the Cornell box, matt and glossy, and of the atrium under its sky, and on the
-/// floor of a box with 60 others in it. The last are the Cornell box again with normals that turn, as those of curved surfaces do.
+/// floor of a box with 60 others in it; then the Cornell box with normals that turn, as those of curved surfaces do, and with elements that
+/// keep contrasts, as where lobes read them.
 ///
 /// # Panics
 /// If a scene of the tests is not there.
@@ -50,15 +51,18 @@ pub fn gathers(n: usize) -> Vec<Gathers> {
     };
     let box_camera = Camera { eye: Vec3A::new(278.0, 273.0, -800.0), at: Vec3A::new(278.0, 273.0, -799.0), fov: 39.3 };
     let atrium_camera = Camera { eye: Vec3A::new(-3.6, 1.6, 2.4), at: Vec3A::new(2.2, 1.25, -1.0), fov: 60.0 };
-    // A glossy lobe sees single elements, so there they must not blur light.
-    let (matt, glossy) = (MergeSettings::default(), MergeSettings { max_contrast: 0.1, ..MergeSettings::default() });
+    let merge = MergeSettings::default();
+    // Where wide lobes read textures, elements must not blur light.
+    let single = MergeSettings { max_contrast: 0.1, ..merge };
     let cornell = load("cornell", None);
+    let glossy = load("cornell-glossy", None);
     vec![
-        seen(&cornell, "cornell", &box_camera, n, matt, 0.0),
-        seen(&load("cornell-glossy", None), "cornell-glossy", &box_camera, n, glossy, 0.0),
-        seen(&load("atrium-env", Some("atrium-env/env.exr")), "atrium-env", &atrium_camera, n, matt, 0.0),
+        seen(&cornell, "cornell", &box_camera, n, merge, 0.0),
+        seen(&glossy, "cornell-glossy", &box_camera, n, merge, 0.0),
+        seen(&load("atrium-env", Some("atrium-env/env.exr")), "atrium-env", &atrium_camera, n, merge, 0.0),
         cluttered(n),
-        seen(&cornell, "cornell-turned", &box_camera, n, matt, 0.2),
+        seen(&cornell, "cornell-turned", &box_camera, n, merge, 0.2),
+        seen(&glossy, "cornell-contrast", &box_camera, n, single, 0.0),
     ]
 }
 

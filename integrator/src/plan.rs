@@ -124,7 +124,6 @@ impl Plan {
         let lobe_quality = settings.spp.map_or(quality, |spp| spp as f32 / 16.0);
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
-        let max_side = study.merge.map_or(2, |side| u8::try_from(side).unwrap_or(u8::MAX));
         Self {
             secondary,
             first_spp,
@@ -135,8 +134,8 @@ impl Plan {
             side: (settings.size.element_product() as f32).sqrt(),
             scene_size: 2.0 * scene.bounds().radius(),
             record: RecordSettings {
-                layers: study.layers.unwrap_or(32) as usize,
-                merge: MergeSettings { max_contrast, max_side, ..MergeSettings::default() },
+                layers: study.layers.unwrap_or(16) as usize,
+                merge: MergeSettings { max_contrast, ..study.merge_settings() },
             },
             spacing: study.spacing.unwrap_or(spacing),
             // The sky between near things ends more sharply than the Hessian of so few texels tells.

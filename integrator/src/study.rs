@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
+use radcache::{DepthRange, MergeSettings};
 use reproject::{AreaWeights, Coverage, Trails};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -23,6 +24,8 @@ pub struct Study {
     pub layers: Option<u32>,
     /// Texels along a side of an s-element at most, 1 to 64; 1 merges nothing.
     pub merge: Option<u32>,
+    /// Whether an s-element lies in one depth layer, as in the paper, or is as deep as its parallax allows.
+    pub by_layer: Option<bool>,
     /// Texels along a side of the block that a hole ray stands for at most, 1 to 64: points with few holes take smaller ones.
     pub step: Option<u32>,
     /// Verification rays along a side, 0 to 8; 0 verifies nothing.
@@ -78,7 +81,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, margins, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, depth, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -113,6 +116,7 @@ impl Study {
             "error" => self.error = Some(number(name, value, 1e-9, 1.0)?),
             "layers" => self.layers = Some(number(name, value, 2, 256)?),
             "merge" => self.merge = Some(number(name, value, 1, 64)?),
+            "depth" => self.by_layer = Some(choice(name, value, [("layer", true), ("parallax", false)])?),
             "step" => self.step = Some(number(name, value, 1, 64)?),
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
             "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
@@ -142,6 +146,16 @@ impl Study {
             _ => return Err(StudyError::Unknown(name.to_owned())),
         }
         Ok(())
+    }
+
+    /// Which texels become one element.
+    pub(crate) fn merge_settings(&self) -> MergeSettings {
+        let usual = MergeSettings::default();
+        MergeSettings {
+            max_side: self.merge.map_or(usual.max_side, |side| u8::try_from(side).unwrap_or(u8::MAX)),
+            depth: if self.by_layer == Some(true) { DepthRange::Layer } else { usual.depth },
+            ..usual
+        }
     }
 
     /// What an element covers.
@@ -198,6 +212,7 @@ mod tests {
             ("error", "1e-6"),
             ("layers", "32"),
             ("merge", "1"),
+            ("depth", "layer"),
             ("step", "3"),
             ("verify", "0"),
             ("light-samples", "4"),

@@ -9,6 +9,20 @@ use glam::Vec3A;
 use crate::Samples;
 
 /// How deep a block of texels may be.
+///
+/// ```
+/// use glam::{Vec3, Vec3A};
+/// use radcache::{DepthRange, MergeSettings, Record, RecordSettings, Samples, Validity};
+///
+/// // A ceiling recedes through many layers towards the horizon.
+/// let count = |depth| {
+///     let samples = Samples::from_fn(32, |wi| (Vec3::ONE, 2.0 / wi.z, Vec3A::NEG_Z));
+///     let settings = RecordSettings { layers: 32, merge: MergeSettings { depth, ..MergeSettings::default() } };
+///     let frame = hemimap::Frame::from_normal(Vec3A::Z);
+///     Record::new(Vec3A::ZERO, frame, samples, &settings, &Validity::default()).elements().len()
+/// };
+/// assert!(count(DepthRange::Parallax(0.3)) < count(DepthRange::Layer));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DepthRange {
     /// One depth layer, as in the paper.
