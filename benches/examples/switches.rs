@@ -11,16 +11,18 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 26] = [
+const SWITCHES: [(&str, &str); 28] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
     ("weights=bits", "shares counted in bits"),
-    ("coverage=rect,trail=all,weights=bits", "the paper's own variant"),
+    ("coverage=rect,trail=all,weights=bits,depth=layer", "the paper's own variant"),
     ("verify=0", "no verification rays"),
     ("verify=4", "16 verification rays"),
     ("merge=1", "elements not merged"),
+    ("depth=layer", "elements within one layer"),
     ("layers=8", "8 layers"),
+    ("layers=32", "32 layers"),
     ("step=1", "a hole ray a texel"),
     ("step=3", "a hole ray for up to 3 x 3 texels"),
     ("reach=distance", "records of irradiance reach 0.3 of the harmonic mean distance"),

@@ -27,7 +27,8 @@ pub enum Trails {
     /// All: the rectangle that encloses the old and the new place, as the paper has it. Flags far too much: a floor that runs
     /// through several layers sweeps over itself.
     All,
-    /// Sides that are silhouettes against something farther: what lies between the old and the new edge.
+    /// Sides that are silhouettes against something farther and retreat from it: what lies between the old and the new edge. Those that advance cover that
+    /// themselves.
     #[default]
     Silhouettes,
 }
