@@ -1,9 +1,8 @@
 //! Uniform numbers: an Owen-scrambled Sobol sequence for a pixel's samples, and a small generator where no structure is wanted.
 //!
-//! A path uses an unbounded number of dimensions. Each of the first bounces therefore draws blocks of the first two or four Sobol dimensions,
+//! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first two or four Sobol dimensions,
 //! every block shuffled and scrambled by a seed of its own ("padding", Burley 2020): within a block the samples of a
-//! pixel are stratified, between blocks they are independent. Later bounces take unrelated numbers: what each of them adds to a pixel is spread by all before,
-//! and strata would take more time than noise.
+//! pixel are stratified, between blocks they are independent. Late bounces may take unrelated numbers, which cost less: their light is spread by all that is random before.
 //!
 //! # Source
 //!
@@ -15,9 +14,6 @@ use sobol_burley::parts::owen_scramble_rev;
 
 /// The sequence repeats after so many points; beyond, another scramble takes over.
 const SEQUENCE_LENGTH: u32 = 1 << 16;
-
-/// The first bounce whose numbers are unrelated: the reference has the same noise so, in 0.96 of the time.
-const FIRST_UNRELATED: u32 = 3;
 
 /// Mixes a number so that neighbouring ones become unrelated (the finaliser of SplitMix64, Steele et al. 2014).
 #[must_use]
@@ -83,12 +79,16 @@ impl Sampler {
     /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have used.
     pub const fn start_bounce(&mut self, bounce: u32) {
         self.bounce_hash = hash(if bounce == 0 { self.key } else { hash_pair(self.key, bounce as u64) });
-        self.is_stratified = !self.is_alone && bounce < FIRST_UNRELATED;
-        if bounce >= FIRST_UNRELATED {
-            self.bounce_hash = hash(self.bounce_hash ^ self.index as u64);
-        }
+        self.is_stratified = !self.is_alone;
         self.block = 0;
         self.used = 4;
+    }
+
+    /// As [`Sampler::start_bounce`], but the numbers of this bounce, and of what branches off in it, are stratified with those of no other sample.
+    pub const fn start_unrelated_bounce(&mut self, bounce: u32) {
+        self.start_bounce(bounce);
+        self.bounce_hash = hash(self.bounce_hash ^ self.index as u64);
+        self.is_stratified = false;
     }
 
     /// Starts numbers of their own for a path that branches off here.
@@ -253,7 +253,7 @@ mod tests {
     fn sixteen_samples_fall_in_sixteen_strata() {
         // Base-2 nets: any 16 consecutive points from a multiple of 16 have one point in each of 16 rows, columns and 4 x 4 cells.
         for pixel in 0..50 {
-            for bounce in 0..FIRST_UNRELATED {
+            for bounce in [0, 1, 9] {
                 let mut cells = [0u32; 3];
                 for sample in 64..80 {
                     let mut sampler = Sampler::new(1, pixel, sample);
@@ -302,21 +302,21 @@ mod tests {
     }
 
     #[test]
-    fn later_bounces_have_unrelated_numbers() {
+    fn unrelated_bounces_have_unrelated_numbers() {
         // As below: of bounces, of samples and of what branches off.
         const COUNT: u32 = 4096;
         let (mut of_samples, mut of_bounces, mut of_branches) = (0.0, 0.0, 0.0);
         let at = |sample: u32, bounce: u32| {
             let mut sampler = Sampler::new(7, 1, sample);
-            sampler.start_bounce(bounce);
+            sampler.start_unrelated_bounce(bounce);
             sampler
         };
         let number = |mut sampler: Sampler| f64::from(sampler.next_pair().x) - 0.5;
         for sample in 0..COUNT {
-            let here = number(at(sample, FIRST_UNRELATED)) * 12.0 / f64::from(COUNT);
-            of_samples += here * number(at(sample + 1, FIRST_UNRELATED));
-            of_bounces += here * number(at(sample, FIRST_UNRELATED + 1));
-            of_branches += here * number(at(sample, FIRST_UNRELATED).split());
+            let here = number(at(sample, 3)) * 12.0 / f64::from(COUNT);
+            of_samples += here * number(at(sample + 1, 3));
+            of_bounces += here * number(at(sample, 4));
+            of_branches += here * number(at(sample, 3).split());
         }
         for sum in [of_samples, of_bounces, of_branches] {
             assert!(sum.abs() < 4.5 / 64.0, "correlation {sum}");
