@@ -2,8 +2,8 @@
 
 use crate::{Elements, Record, Samples};
 
-/// Version of the format; what is newer is refused.
-pub const FORMAT_VERSION: u32 = 1;
+/// Version of the format; all others are refused, for records are quickly made anew.
+pub const FORMAT_VERSION: u32 = 2;
 
 const MAGIC: [u8; 8] = *b"FRLXRECS";
 const HEADER: usize = 16;
@@ -15,10 +15,8 @@ pub enum CodecError {
     /// The first bytes are not those of records.
     #[error("not a file of records: it does not start with FRLXRECS")]
     Magic,
-    /// Written by a newer program.
-    #[error(
-        "records of version {found}, but this program knows {FORMAT_VERSION} at most: update it, or make the records anew"
-    )]
+    /// Written by another version of the program.
+    #[error("records of version {found}, but this program reads {FORMAT_VERSION} only: make them anew")]
     Version {
         /// The version that the file states.
         found: u32,
@@ -63,7 +61,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Vec<Record>, CodecError> {
         return Err(CodecError::Magic);
     }
     let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-    if word(8) > FORMAT_VERSION || word(8) == 0 {
+    if word(8) != FORMAT_VERSION {
         return Err(CodecError::Version { found: word(8) });
     }
     if word(12) != crc32fast::hash(body) {
@@ -120,7 +118,6 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
 }
 
 fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
-    elements.check_layout()?;
     if elements.len() > n * n {
         return Err("it has more elements than texels");
     }
@@ -131,6 +128,9 @@ fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
     }
     if !elements.finite.iter().all(|&finite| finite == 0.0 || finite == 1.0) {
         return Err("an element is neither near nor at infinity");
+    }
+    if elements.size[elements.len()..].iter().any(|size| *size != [0; 2]) {
+        return Err("its padding is not empty");
     }
     let mut covered = vec![false; n * n];
     for e in 0..elements.len() {
@@ -180,10 +180,13 @@ mod tests {
     }
 
     #[test]
-    fn newer_versions_are_refused_by_number() {
+    fn other_versions_are_refused_by_number() {
         let mut bytes = to_bytes(&records()).unwrap();
-        bytes[8] = 9;
-        assert!(from_bytes(&bytes).unwrap_err().to_string().contains("version 9"));
+        for version in [0, 1, 9] {
+            bytes[8] = version;
+            let error = from_bytes(&bytes).unwrap_err().to_string();
+            assert!(error.contains(&format!("version {version}")), "{error}");
+        }
     }
 
     #[test]
@@ -200,8 +203,9 @@ mod tests {
         assert!(wrong(|r| r.elements.finite[0] = 0.5).contains("infinity"));
         assert!(wrong(|r| r.samples.normal[2].x = f32::NAN).contains("texel"));
         assert!(wrong(|r| r.samples.jitter[2].x = 7.0).contains("texel"));
-        assert!(wrong(|r| r.elements.x.truncate(3)).contains("length"));
+        assert!(wrong(|r| r.elements.x.truncate(3)).contains("decoded"));
+        assert!(wrong(|r| r.elements.size.last_mut().unwrap()[0] = 255).contains("padding"));
         assert!(wrong(|r| r.frame[0] = Vec3::ZERO).contains("orthonormal"));
-        assert!(wrong(|r| r.elements.layer_starts[1] = 1_000_000).contains("order"));
+        assert!(wrong(|r| r.elements.layer_starts[1] = 1_000_000).contains("decoded"));
     }
 }

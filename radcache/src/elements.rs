@@ -3,7 +3,8 @@
 use std::ops::{BitOr, Range};
 
 use glam::Vec3A;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::merge::{Block, MergeSettings, merge};
 use crate::outline::Outline;
@@ -55,6 +56,7 @@ impl BitOr for Sides {
 /// Corners run round the element: (u0, v0), (u1, v0), (u1, v1), (u0, v1). An element at infinity has `finite` 0 and
 /// directions as corners. Each array is [`Self::padded_len`] long, those of corners four times as long.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct Elements {
     /// x of the corners, metres: corner `k` of element `e` has the number `k * padded_len + e`.
     pub x: Vec<f32>,
@@ -123,31 +125,21 @@ impl Elements {
         elements
     }
 
-    /// Reads elements, and finds their outline.
-    pub(crate) fn deserialize_whole<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let mut elements = Self::deserialize(deserializer)?;
-        if elements.check_layout().is_ok() {
-            elements.outline = Outline::of(&elements);
-        }
-        Ok(elements)
-    }
-
     /// Whether the arrays fit together, or what does not.
-    pub(crate) fn check_layout(&self) -> Result<(), &'static str> {
+    fn check_layout(&self) -> Result<(), &'static str> {
         let starts = &self.layer_starts;
         if starts.len() < 2 || starts.len() > 257 || starts[0] != 0 || starts.windows(2).any(|w| w[0] > w[1]) {
             return Err("its layers are not in order");
+        }
+        if self.len() > MAX_RESOLUTION * MAX_RESOLUTION {
+            return Err("it has too many elements");
         }
         let padded = self.len().next_multiple_of(LANES);
         let once = [&self.finite, &self.background_share].into_iter().chain(&self.radiance).map(Vec::len);
         let lists = [self.start.len(), self.size.len(), self.sides.len(), self.view_dependent.len()];
         let corners = [&self.x, &self.y, &self.z].map(Vec::len);
         let fits = once.chain(lists).all(|len| len == padded) && corners.iter().all(|&len| len == 4 * padded);
-        if fits && self.len() <= MAX_RESOLUTION * MAX_RESOLUTION {
-            Ok(())
-        } else {
-            Err("its arrays of elements differ in length")
-        }
+        if fits { Ok(()) } else { Err("its arrays of elements differ in length") }
     }
 
     /// Number of elements.
@@ -174,7 +166,7 @@ impl Elements {
         self.layer_starts.len() - 1
     }
 
-    /// The elements of a layer, 0 the nearest.
+    /// The elements whose nearest texel is in a layer, 0 the nearest; they may reach into farther ones.
     #[must_use]
     pub fn layer(&self, layer: usize) -> Range<usize> {
         self.layer_starts[layer] as usize..self.layer_starts[layer + 1] as usize
@@ -234,6 +226,22 @@ impl Elements {
         self.size[e] = block.size;
         self.view_dependent[e] = block.view_dependent;
         self.sides[e] = element_sides(&grid.sides, n, [i0, j0], [w, h]);
+    }
+}
+
+impl Serialize for Elements {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Elements {
+    /// Reads the arrays, and finds the outline by them.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut elements = Self::deserialize(deserializer)?;
+        elements.check_layout().map_err(D::Error::custom)?;
+        elements.outline = Outline::of(&elements);
+        Ok(elements)
     }
 }
 

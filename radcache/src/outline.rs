@@ -21,22 +21,22 @@ use crate::{Elements, LANES};
 /// let outline = record.elements().outline();
 /// let from = Vec3A::new(0.2, 0.0, 0.0);
 /// // Whoever steps to one side sees past the other.
-/// let uncovered = (0..outline.len()).filter(|&side| outline.inward(side).dot(from) < 0.0).count();
+/// let uncovered = (0..outline.len()).filter(|&side| outline.normal(side).dot(from) < 0.0).count();
 /// assert!(uncovered > 0 && uncovered < outline.len());
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outline {
     /// The corners at both ends of a side, with the element on the left: corner `k` of element `e` has the number `k * padded_len + e`.
     pub ends: [Vec<u16>; 2],
-    /// Unit normal, towards the side of the element, of the plane through the record and both ends: x, y and z, in the frame of the record. A point that is off that plane on the
-    /// other side sees past the silhouette.
-    pub inwards: [Vec<f32>; 3],
+    /// Unit normals, towards the side of the element, of the planes through the record and both ends: x, y and z, in the frame of the record. A point that is
+    /// off its plane on the other side sees past a silhouette.
+    pub normals: [Vec<f32>; 3],
     /// Where in the square the record saw both ends: u.
     pub u: [Vec<f32>; 2],
     /// The same: v.
     pub v: [Vec<f32>; 2],
-    /// How far inside of the side the surface may end in truth, in the square: a texel, or nothing where the radiance of the element knows how much of its texels the
-    /// background takes.
+    /// How far inside of the side the surface may end in truth, in the square: a texel, or nothing where the radiance of the element knows how much of its
+    /// texels the background takes, or is of no use elsewhere.
     pub margin: Vec<f32>,
     /// Start of each layer, and the number of sides at the end.
     layer_starts: Vec<u16>,
@@ -47,17 +47,18 @@ impl Outline {
     pub(crate) fn of(elements: &Elements) -> Self {
         let mut outline = Self::default();
         let padded = elements.padded_len();
-        let texels = elements.start.iter().zip(&elements.size);
-        let n = texels.map(|(start, size)| f32::from(start[0]) + f32::from(size[0])).fold(0.0, f32::max);
+        let texels = elements.start.iter().zip(&elements.size).take(elements.len());
+        let n = texels.map(|(start, size)| f32::from(start[0]) + f32::from(size[0])).fold(1.0, f32::max);
         outline.layer_starts.push(0);
         for layer in 0..elements.layer_count() {
             for e in elements.layer(layer) {
                 let blurred = elements.background_share[e] != 0.0 || elements.view_dependent[e];
                 let margin = if blurred { 0.0 } else { 1.0 / n };
                 for k in (0..4).filter(|&k| elements.sides[e].has(k)) {
-                    let inwards = elements.corner(e, k).cross(elements.corner(e, (k + 1) % 4)).normalize_or_zero();
+                    let [a, b] = [k, (k + 1) % 4].map(|k| elements.corner(e, k).normalize_or_zero());
+                    let normal = a.cross(b).normalize_or_zero();
                     outline.margin.push(margin);
-                    outline.inwards.iter_mut().zip(inwards.to_array()).for_each(|(list, x)| list.push(x));
+                    outline.normals.iter_mut().zip(normal.to_array()).for_each(|(list, x)| list.push(x));
                     for (end, k) in [k, (k + 1) % 4].into_iter().enumerate() {
                         let [u, v] = elements.grid_corner(e, k);
                         outline.ends[end].push(number(k * padded + e));
@@ -69,9 +70,9 @@ impl Outline {
             outline.layer_starts.push(number(outline.margin.len()));
         }
         let padded = outline.len().next_multiple_of(LANES);
-        let Self { ends, inwards, u, v, margin, .. } = &mut outline;
+        let Self { ends, normals, u, v, margin, .. } = &mut outline;
         ends.iter_mut().for_each(|list| list.resize(padded, 0));
-        inwards.iter_mut().chain(u).chain(v).chain([margin]).for_each(|list| list.resize(padded, 0.0));
+        normals.iter_mut().chain(u).chain(v).chain([margin]).for_each(|list| list.resize(padded, 0.0));
         outline
     }
 
@@ -93,10 +94,10 @@ impl Outline {
         self.layer_starts[layer].into()..self.layer_starts[layer + 1].into()
     }
 
-    /// See [`Self::inwards`].
+    /// One of the [`Self::normals`].
     #[must_use]
-    pub fn inward(&self, side: usize) -> Vec3A {
-        let [x, y, z] = &self.inwards;
+    pub fn normal(&self, side: usize) -> Vec3A {
+        let [x, y, z] = &self.normals;
         Vec3A::new(x[side], y[side], z[side])
     }
 
@@ -140,7 +141,7 @@ mod tests {
                 assert_eq!(usize::from(outline.ends[0][side]), k * elements.padded_len() + e, "begins at corner {k}");
                 assert_eq!([outline.u[0][side], outline.v[0][side]].map(|x| x * 16.0), elements.grid_corner(e, k));
                 let middle = (0..4).map(|k| elements.corner(e, k)).sum::<Vec3A>();
-                assert!(outline.inward(side).dot(middle) > 0.0, "points into the element");
+                assert!(outline.normal(side).dot(middle) > 0.0, "points into the element");
                 let is_sharp = elements.background_share[e] == 0.0;
                 assert_eq!(outline.margin[side], if is_sharp { 1.0 / 16.0 } else { 0.0 }, "a texel where it is sharp");
             }
@@ -157,7 +158,7 @@ mod tests {
         let padded = outline.margin.len();
         assert!(padded.is_multiple_of(LANES) && padded > outline.len(), "{} sides", outline.len());
         for side in outline.len()..padded {
-            assert_eq!(outline.inward(side), Vec3A::ZERO, "never retreats");
+            assert_eq!(outline.normal(side), Vec3A::ZERO, "never retreats");
         }
     }
 }

@@ -9,8 +9,8 @@ use crate::{Elements, MergeSettings, Samples, Validity};
 /// How samples become a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordSettings {
-    /// Number of depth layers, K of the paper, 1 to 256. More layers keep the unknown mask fresher, and with it the bias of the
-    /// picture smaller, at the price of fewer merges.
+    /// Number of depth layers, K of the paper, 1 to 256. More layers tell more exactly what hides what; with
+    /// [`DepthRange::Layer`](crate::DepthRange::Layer) less merges then.
     pub layers: usize,
     /// When texels merge.
     pub merge: MergeSettings,
@@ -29,7 +29,6 @@ pub struct Record {
     pub(crate) centre: Vec3,
     pub(crate) frame: [Vec3; 3],
     pub(crate) samples: Samples,
-    #[serde(deserialize_with = "Elements::deserialize_whole")]
     pub(crate) elements: Elements,
     pub(crate) harmonic_distance: f32,
     pub(crate) radius: f32,
