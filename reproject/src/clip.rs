@@ -18,13 +18,17 @@ pub(crate) fn clip_at_horizon(space: &[Vec3A; 4], polygon: &mut [Vec2; MAX_CLIPP
             count += 1;
         }
         if (a.z >= 0.0) != (b.z >= 0.0) {
-            let mut at = a + (b - a) * (a.z / (a.z - b.z));
-            at.z = 0.0;
-            polygon[count] = direction_to_square(at);
+            let (below, above) = if a.z < 0.0 { (a, b) } else { (b, a) };
+            polygon[count] = direction_to_square(crossing(below, above));
             count += 1;
         }
     }
     count
+}
+
+/// Where the line between a point below the horizon, z < 0, and one that is not crosses it. The latter counts as at the horizon if rounding put it below.
+pub(crate) fn crossing(below: Vec3A, above: Vec3A) -> Vec3A {
+    (below + (above - below) * (below.z / (below.z - above.z.max(0.0)))).with_z(0.0)
 }
 
 /// Area of a polygon, positive if it runs counter-clockwise.
@@ -49,6 +53,15 @@ mod tests {
             a.cross(b).normalize_or_zero().z * a.angle_between(b)
         };
         (0..corners.len()).map(edge).sum::<f32>() / std::f32::consts::TAU
+    }
+
+    #[test]
+    fn a_crossing_lies_between_its_points_whatever_was_rounded() {
+        let below = Vec3A::new(0.05, 0.0, -1e-7);
+        for z in [1.0, 1e-7, 0.0, -1e-9, -1e-7, -2e-7] {
+            let at = crossing(below, Vec3A::new(0.5, 0.0, z));
+            assert!((0.05..=0.5).contains(&at.x) && at.z == 0.0, "the other at {z}: {at}");
+        }
     }
 
     proptest! {

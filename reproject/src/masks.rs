@@ -13,7 +13,7 @@ pub struct Masks {
     n: usize,
     /// What elements have filled.
     pub fill: Rows,
-    /// What may hide something that the record did not see: farther layers must not fill it.
+    /// What may hide something that the record did not see: its own layer and farther ones must not fill it.
     pub unknown: Rows,
 }
 

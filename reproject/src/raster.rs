@@ -16,8 +16,8 @@ const MAX_CORNERS: usize = 8;
 
 /// Sets rows to the texel centres that the polygon covers, and tells which rows: the others keep what they had.
 ///
-/// A centre on an edge belongs to one of the polygons that share it: they share no centre and leave none out. Corners are in the square; what lies outside [0, 1] is cut off. Corners that are not numbers cover nothing sensible
-/// but do no harm.
+/// A centre on an edge belongs to one of the polygons that share it: they share no centre and leave none out. Corners are in the square; what lies outside
+/// [0, 1] is cut off. Corners that are not numbers cover nothing sensible but do no harm.
 ///
 /// # Panics
 /// If there are more than 8 corners, or n is above 64.
@@ -121,8 +121,8 @@ static BELOW: [u64; 128] = {
     below
 };
 
-/// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits. The functions that round cost a call where the
-/// processor need not have SSE4.
+/// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits. The functions that round cost a call
+/// where the processor need not have SSE4.
 const ROUND: f32 = 8_388_608.0;
 
 /// The whole number in [0, scale] that is nearest to each x: so many of the centres lie at its left. 0 for what is not a number.

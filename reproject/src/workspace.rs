@@ -80,7 +80,7 @@ impl Default for Settings {
 pub struct Shares {
     /// Seen by the record.
     pub filled: f32,
-    /// Behind silhouettes that moved.
+    /// Behind silhouettes that retreated, and what else the record could not see.
     pub unknown: f32,
     /// Not filled, whatever the reason.
     pub holes: f32,

@@ -3,7 +3,7 @@
 mod rooms;
 
 use glam::Vec3A;
-use radcache::{Record, RecordSettings, Samples, Validity};
+use radcache::{DepthRange, MergeSettings, Record, RecordSettings, Samples, Validity};
 use reproject::{AreaWeights, Coverage, Kernel, Settings, Trails, Workspace};
 use rooms::{Rays, Scene, uniform};
 
@@ -56,15 +56,14 @@ fn every_kernel_matches_scalar() {
     let mut scalar = Workspace::with_kernel(Kernel::Scalar);
     // Kept over all cases: nothing may be left over from the one before.
     let mut others: Vec<Workspace> = kernels[1..].iter().map(|&kernel| Workspace::with_kernel(kernel)).collect();
-    let (mut slow, mut unknown) = (0, 0);
+    let mut unknown = 0;
     for (number, scene) in scenes.iter().enumerate() {
         for n in [1, 7, 16, 31, 32, 33, 64] {
-            for place in 0..3u64 {
+            for place in 0..4u64 {
                 let random = |k| uniform(1000 * number as u64 + 100 * place + k) - 0.5;
                 let from = Vec3A::new(1.6 * random(0), 1.6 * random(1), -0.999);
-                let mut record =
-                    rooms::record(|p, wi| scene.look(p, wi), from, Vec3A::Z, n, &RecordSettings::default());
-                if place == 2 {
+                let mut record = rooms::record(|p, wi| scene.look(p, wi), from, Vec3A::Z, n, &record_settings(place));
+                if place == 3 {
                     record = with_view_dependence(scene, from, n);
                 }
                 let to = from + Vec3A::new(random(2), random(3), 0.1 * random(4)) * (1.5 * record.radius());
@@ -72,7 +71,6 @@ fn every_kernel_matches_scalar() {
                 for [n, ng] in [[Vec3A::Z, Vec3A::Z], [turned, turned], [turned, Vec3A::Z]] {
                     for settings in every_setting() {
                         let expected = answer(&mut scalar, &record, [to, n, ng], &settings);
-                        slow += usize::from(n != ng);
                         unknown += expected.unknown.iter().map(|row| row.count_ones()).sum::<u32>();
                         for other in &mut others {
                             let found = answer(other, &record, [to, n, ng], &settings);
@@ -83,7 +81,20 @@ fn every_kernel_matches_scalar() {
             }
         }
     }
-    assert!(slow > 0 && unknown > 10_000, "the cases are not empty: {unknown}");
+    assert!(unknown > 10_000, "the cases are not empty: {unknown}");
+}
+
+/// As a renderer makes records; in large elements, of which many are tall or cut by the horizon; and as the paper does.
+fn record_settings(kind: u64) -> RecordSettings {
+    let usual = MergeSettings::default();
+    match kind {
+        0 => RecordSettings::default(),
+        1 => RecordSettings {
+            layers: 1,
+            merge: MergeSettings { max_side: 64, depth: DepthRange::Parallax(10.0), ..usual },
+        },
+        _ => RecordSettings { layers: 32, merge: MergeSettings { depth: DepthRange::Layer, ..usual } },
+    }
 }
 
 /// A record of which every third texel holds for its own place only.

@@ -174,7 +174,7 @@ impl Task<'_> {
     }
 }
 
-/// Why an element or a trail takes the slow way; a set of bits, none for those that lanes have done.
+/// Why an element or a trail takes the slow way, or that it need not; a set of bits.
 pub(crate) mod kind {
     /// A corner lies below the horizon, and cut off it leaves more than a quadrilateral.
     pub(crate) const CUT: u8 = 1;
@@ -216,7 +216,7 @@ pub(crate) struct Places {
     pub(crate) first: Vec<u8>,
     /// Texels covered, and those of them that it takes.
     pub(crate) counts: Vec<[u16; 2]>,
-    /// Elements whose kind is neither 0 nor high, in order.
+    /// Elements that take the slow way, see [`kind::is_slow`], in order.
     pub(crate) slow: Vec<u16>,
     /// Elements with area that cover no texel's centre, in order.
     pub(crate) small: Vec<u16>,

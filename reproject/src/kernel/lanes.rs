@@ -176,7 +176,8 @@ fn first_centre(x: f32, scale: f32) -> u32 {
     (shifted.to_bits() + up) & 0x7f
 }
 
-/// The whole number nearest to a crossing with an edge in the square, in texels: as many centres lie at its left. It is at most rounding outside of the square, so that nothing need be cut off.
+/// The whole number nearest to a crossing with an edge in the square, in texels: as many centres lie at its left. It is at most rounding outside of the square,
+/// so that nothing need be cut off.
 #[inline(always)]
 fn nearest_whole(x: f32) -> u32 {
     (x + ROUND).to_bits() & 0x7f

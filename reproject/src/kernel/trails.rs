@@ -16,7 +16,8 @@ use super::lanes::{Quads, lanes, max, min};
 use super::scalar::{direction_to_square, to_square};
 use crate::Trails;
 
-/// Lists what leaves a trail, in order: sides that retreat, or elements that move. Gives their number; the list is padded to whole chunks of lanes with the first side or element.
+/// Lists what leaves a trail, in order: sides that retreat, or elements that move. Gives their number; the list is padded to whole chunks of lanes with the first
+/// side or element.
 #[inline(always)]
 pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
     let list = &mut places.trails;
@@ -27,11 +28,11 @@ pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
             let outline = task.elements.outline();
             for at in (0..outline.len()).step_by(LANES) {
                 let [x, y, z] =
-                    [&outline.inwards[0], &outline.inwards[1], &outline.inwards[2]].map(|axis| lanes(axis, at));
+                    [&outline.normals[0], &outline.normals[1], &outline.normals[2]].map(|axis| lanes(axis, at));
                 let mut retreats = [0; LANES];
                 for side in 0..LANES {
-                    let inwards = task.offset.x * x[side] + task.offset.y * y[side] + task.offset.z * z[side];
-                    retreats[side] = usize::from(inwards < 0.0);
+                    let step_inwards = task.offset.x * x[side] + task.offset.y * y[side] + task.offset.z * z[side];
+                    retreats[side] = usize::from(step_inwards < 0.0);
                 }
                 for side in 0..LANES {
                     list[count] = (at + side) as u16;
@@ -116,8 +117,8 @@ pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, t: usize) -> [Vec2
     }
 }
 
-/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from `before` to where that end is `now`, and inwards as far as it came
-/// that way, but at most by the margin. Nowhere if it went outwards.
+/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from `before` to where that end is `now`, and inwards as
+/// far as it came that way, but at most by the margin. Nowhere if it went outwards; a side that shrank to nothing leaves all that it swept.
 #[inline(always)]
 fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32) -> [f32; 2] {
     /// So that no division needs a branch.
@@ -125,10 +126,11 @@ fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32
     let [x, y] = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
     let length_sq = max(x * x + y * y, TINY);
     // The way inwards, times the length of the side.
-    let inwards = x * (now[1] - before[1]) - y * (now[0] - before[0]);
-    let more = min(inwards, margin * length_sq.sqrt()) / length_sq;
+    let moved = x * (now[1] - before[1]) - y * (now[0] - before[0]);
+    let more = min(moved, margin * length_sq.sqrt()) / length_sq;
     let inner = [now[0] - more * y, now[1] + more * x];
-    let end = |axis: usize| if inwards > 0.0 { min(max(inner[axis], 0.0), 1.0) } else { before[axis] };
+    let outer = if length_sq > TINY { before } else { now };
+    let end = |axis: usize| if moved > 0.0 { min(max(inner[axis], 0.0), 1.0) } else { outer[axis] };
     [end(0), end(1)]
 }
 
