@@ -53,7 +53,7 @@ pub fn gathers(n: usize) -> Vec<Gathers> {
     let atrium_camera = Camera { eye: Vec3A::new(-3.6, 1.6, 2.4), at: Vec3A::new(2.2, 1.25, -1.0), fov: 60.0 };
     let merge = MergeSettings::default();
     // Where wide lobes read textures, elements must not blur light.
-    let single = MergeSettings { max_contrast: 0.1, ..merge };
+    let keeps_contrast = MergeSettings { max_contrast: 0.1, ..merge };
     let cornell = load("cornell", None);
     let glossy = load("cornell-glossy", None);
     vec![
@@ -62,7 +62,7 @@ pub fn gathers(n: usize) -> Vec<Gathers> {
         seen(&load("atrium-env", Some("atrium-env/env.exr")), "atrium-env", &atrium_camera, n, merge, 0.0),
         cluttered(n),
         seen(&cornell, "cornell-turned", &box_camera, n, merge, 0.2),
-        seen(&glossy, "cornell-contrast", &box_camera, n, single, 0.0),
+        seen(&glossy, "cornell-contrast", &box_camera, n, keeps_contrast, 0.0),
     ]
 }
 

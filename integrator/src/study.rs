@@ -47,7 +47,7 @@ pub struct Study {
     pub photons: Option<u32>,
     /// Whether elements cover the rectangle around their corners, as in the paper, or their quadrilateral.
     pub rectangles: Option<bool>,
-    /// Whether all elements leave trails, as in the paper, or silhouettes only.
+    /// Whether all elements leave trails, as in the paper, or only silhouettes that retreat.
     pub all_trails: Option<bool>,
     /// Whether shares are counted in bits or measured as areas.
     pub count_bits: Option<bool>,
