@@ -27,9 +27,6 @@ use crate::{Progress, RayCounts, Sampler, Settings, Statistics};
 
 /// The first vertex after which a path may be ended by chance.
 const ROULETTE_START: u32 = 4;
-/// So many vertices that scatter take numbers that are stratified over the samples of a pixel. Of later ones strata would cost more time than noise: without
-/// them the whole takes 0.96 of the time for the same noise.
-const STRATIFIED_VERTICES: u32 = 2;
 /// A path survives with at most this probability, so that it ends even where nothing absorbs.
 const MAX_SURVIVAL: f32 = 0.99;
 /// No path has more vertices. With a survival of 0.99 one in 10^43 would; the limit is there for scenes that break every rule.
@@ -132,8 +129,6 @@ impl<'a> PathTracer<'a> {
         let mut throughput = Throughput { diffuse: Vec3::ZERO, specular: Vec3::ONE };
         // Refraction scales radiance, but not the power that a path still carries: roulette looks at the latter.
         let mut radiance_scale = 1.0;
-        // Vertices so far but mirrors and glass.
-        let mut scatterings = 0;
         // The vertex behind the ray in flight, and the density of its direction.
         let mut from: Option<(Vec3A, Step)> = None;
 
@@ -164,12 +159,7 @@ impl<'a> PathTracer<'a> {
             }
             let frame = Frame::from_normal(surface.n);
             let wo = frame.to_local(-ray.direction);
-            if scatterings < STRATIFIED_VERTICES {
-                sampler.start_bounce(vertex);
-            } else {
-                sampler.start_unrelated_bounce(vertex);
-            }
-            scatterings += u32::from(!bsdf.is_delta());
+            sampler.start_bounce(vertex);
 
             // The choice of a light and the point on it come from one block, and so do that of a lobe and its direction: samples are stratified on each light and
             // in each lobe. Every bounce takes the same blocks, so that they keep their meaning over the samples.

@@ -2,7 +2,7 @@
 //!
 //! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first two or four Sobol dimensions,
 //! every block shuffled and scrambled by a seed of its own ("padding", Burley 2020): within a block the samples of a
-//! pixel are stratified, between blocks they are independent. Late bounces may take unrelated numbers, which cost less: their light is spread by all that is random before.
+//! pixel are stratified, between blocks they are independent.
 //!
 //! # Source
 //!
@@ -57,8 +57,6 @@ pub struct Sampler {
     used: usize,
     /// Whether there are no other samples to be stratified with.
     is_alone: bool,
-    /// Whether the numbers of this bounce are stratified with those of other samples.
-    is_stratified: bool,
 }
 
 impl Sampler {
@@ -73,22 +71,14 @@ impl Sampler {
     /// Starts the numbers of the only sample of `pixel`: unrelated ones, for they are cheaper and there is nothing to stratify.
     #[must_use]
     pub const fn alone(seed: u64, pixel: u64) -> Self {
-        Self { is_alone: true, is_stratified: false, ..Self::new(seed, pixel, 0) }
+        Self { is_alone: true, ..Self::new(seed, pixel, 0) }
     }
 
     /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have used.
     pub const fn start_bounce(&mut self, bounce: u32) {
         self.bounce_hash = hash(if bounce == 0 { self.key } else { hash_pair(self.key, bounce as u64) });
-        self.is_stratified = !self.is_alone;
         self.block = 0;
         self.used = 4;
-    }
-
-    /// As [`Sampler::start_bounce`], but the numbers of this bounce, and of what branches off in it, are stratified with those of no other sample.
-    pub const fn start_unrelated_bounce(&mut self, bounce: u32) {
-        self.start_bounce(bounce);
-        self.bounce_hash = hash(self.bounce_hash ^ self.index as u64);
-        self.is_stratified = false;
     }
 
     /// Starts numbers of their own for a path that branches off here.
@@ -96,8 +86,7 @@ impl Sampler {
     pub const fn split(&self) -> Self {
         const BRANCH: u64 = 0x6272_616e_6368;
         let key = hash_pair(hash(self.bounce_hash ^ BRANCH), self.block as u64);
-        let is_stratified = self.is_stratified;
-        Self { is_alone: !is_stratified, is_stratified, ..Self::with_key(key, self.index) }
+        Self { is_alone: self.is_alone, ..Self::with_key(key, self.index) }
     }
 
     /// Starts numbers of their own for `count` paths that branch off here, stratified over all of them and all samples of the pixel.
@@ -118,7 +107,7 @@ impl Sampler {
     /// Returns the next four numbers, stratified together, and gives up what is left of the block before.
     pub fn next_4d(&mut self) -> [f32; 4] {
         let seed = self.next_block();
-        if !self.is_stratified {
+        if self.is_alone {
             let more = hash(seed);
             return [seed, seed << 32, more, more << 32].map(unit_interval);
         }
@@ -138,7 +127,7 @@ impl Sampler {
     /// Returns a pair of its own, stratified as well as two numbers can be: of 2^k samples from a multiple of 2^k on, each elementary interval of the
     /// square holds its share (a (0, 2)-sequence). Costs half of [`Sampler::next_4d`].
     pub fn next_pair(&mut self) -> Vec2 {
-        if !self.is_stratified {
+        if self.is_alone {
             let [x, y, ..] = self.next_4d();
             return Vec2::new(x, y);
         }
@@ -163,7 +152,6 @@ impl Sampler {
             values: [0.0; 4],
             used: 4,
             is_alone: false,
-            is_stratified: true,
         }
     }
 
@@ -298,28 +286,6 @@ mod tests {
                 let met = points.iter().fold(0u64, |met, u| met | 1 << cell(u));
                 assert_eq!(met, u64::MAX, "pixel {pixel}, {columns} x {rows}");
             }
-        }
-    }
-
-    #[test]
-    fn unrelated_bounces_have_unrelated_numbers() {
-        // As below: of bounces, of samples and of what branches off.
-        const COUNT: u32 = 4096;
-        let (mut of_samples, mut of_bounces, mut of_branches) = (0.0, 0.0, 0.0);
-        let at = |sample: u32, bounce: u32| {
-            let mut sampler = Sampler::new(7, 1, sample);
-            sampler.start_unrelated_bounce(bounce);
-            sampler
-        };
-        let number = |mut sampler: Sampler| f64::from(sampler.next_pair().x) - 0.5;
-        for sample in 0..COUNT {
-            let here = number(at(sample, 3)) * 12.0 / f64::from(COUNT);
-            of_samples += here * number(at(sample + 1, 3));
-            of_bounces += here * number(at(sample, 4));
-            of_branches += here * number(at(sample, 3).split());
-        }
-        for sum in [of_samples, of_bounces, of_branches] {
-            assert!(sum.abs() < 4.5 / 64.0, "correlation {sum}");
         }
     }
 
