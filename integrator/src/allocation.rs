@@ -96,51 +96,84 @@ pub(crate) struct FirstSamples {
     pub(crate) rays: u64,
 }
 
-/// Returns for each pixel of a band of `width` pixels, row by row, how many times the `first` samples it takes altogether. `ambient` is about the radiance of
-/// the indirect light, which samples do not know: by it edges count that are seen in no other.
-pub(crate) fn allocate(width: usize, first: u32, budget: Budget, pixels: &[FirstSamples], ambient: f32) -> Vec<u32> {
-    let ambient = f64::from(ambient);
-    let floor_sq = metrics::floor_sq(pixels.par_iter().map(|pixel| pixel.noise.mean(ambient)).collect());
-    // s^2 / D^2 of each pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise.
+/// What decides how many samples each pixel of a picture takes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Allocation {
+    /// About the radiance of the indirect light, which samples do not know: by it edges count that are seen in no other.
+    ambient: f64,
+    floor_sq: f64,
+    /// The binary logarithm of k, in units of the first samples.
+    k: f32,
+    most_doublings: f32,
+}
+
+impl Allocation {
+    /// Decides by the `first` samples of `pixels`, which come in blocks of so many rows of `width` pixels: a whole picture, or parts from all over it.
+    pub(crate) fn new(
+        (width, rows): (usize, usize),
+        first: u32,
+        budget: Budget,
+        pixels: &[FirstSamples],
+        ambient: f32,
+    ) -> Self {
+        let ambient = f64::from(ambient);
+        let floor_sq = metrics::floor_sq(pixels.par_iter().map(|pixel| pixel.noise.mean(ambient)).collect());
+        let (Budget::Mean(most) | Budget::Noise(_, most)) = budget;
+        let most_doublings = ((MOST * most / first) as f32).log2().floor();
+        let unsolved = Self { ambient, floor_sq, k: RANGE.0, most_doublings };
+        let (noise, needs): (Vec<f32>, Vec<f32>) = pixels
+            .par_chunks((width * rows).max(1))
+            .flat_map(|block| (0..block.len()).into_par_iter().map(move |pixel| unsolved.noise(pixel, width, block)))
+            .unzip();
+        let first_rays: u64 = pixels.iter().map(|pixel| pixel.rays).sum();
+        let is_too_much = |k: f32| {
+            let tried = Self { k, ..unsolved };
+            let of_chunk = |(needs, (noise, pixels)): (&[f32], (&[f32], &[FirstSamples]))| {
+                let (mut rays, mut sum) = (0.0, 0.0);
+                for (need, (noise, pixel)) in needs.iter().zip(noise.iter().zip(pixels)) {
+                    let factor = tried.doublings(*need).exp2();
+                    rays += f64::from(factor) * pixel.rays as f64;
+                    sum += f64::from(noise / factor);
+                }
+                (rays, sum)
+            };
+            let chunks = needs.par_chunks(CHUNK).zip(noise.par_chunks(CHUNK).zip(pixels.par_chunks(CHUNK)));
+            let sums: Vec<(f64, f64)> = chunks.map(of_chunk).collect();
+            let (rays, sum) = sums.iter().fold((0.0, 0.0), |(rays, sum), chunk| (rays + chunk.0, sum + chunk.1));
+            let is_good = match budget {
+                Budget::Mean(_) => false,
+                Budget::Noise(wanted, _) => sum <= f64::from(wanted) * f64::from(first) * pixels.len() as f64,
+            };
+            is_good || rays * f64::from(first) > first_rays as f64 * f64::from(most)
+        };
+        let (mut low, mut high) = RANGE;
+        for _ in 0..HALVINGS {
+            let middle = f32::midpoint(low, high);
+            if is_too_much(middle) { high = middle } else { low = middle }
+        }
+        Self { k: low, ..unsolved }
+    }
+
+    /// Returns for each pixel of a band of `width` pixels, row by row, how many times its first samples it takes altogether.
+    pub(crate) fn factors(&self, width: usize, pixels: &[FirstSamples]) -> Vec<u32> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the number of doublings")]
+        let factor = |pixel: usize| 1 << self.doublings(self.noise(pixel, width, pixels).1) as u32;
+        (0..pixels.len()).into_par_iter().map(factor).collect()
+    }
+
+    /// s^2 / D^2 of a pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise.
     #[expect(clippy::cast_possible_truncation, reason = "estimates")]
-    let noise = |pixel: usize| {
+    fn noise(&self, pixel: usize, width: usize, pixels: &[FirstSamples]) -> (f32, f32) {
         let mut around = SampleNoise::default();
         neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
-        let unit = around.mean(ambient).powi(2) + floor_sq;
-        let [all, counts] = around.variance(ambient).map(|variance| variance / unit);
+        let unit = around.mean(self.ambient).powi(2) + self.floor_sq;
+        let [all, counts] = around.variance(self.ambient).map(|variance| variance / unit);
         (all as f32, 0.4 * counts.log2() as f32)
-    };
-    let (noise, needs): (Vec<f32>, Vec<f32>) = (0..pixels.len()).into_par_iter().map(noise).unzip();
-    let (Budget::Mean(most) | Budget::Noise(_, most)) = budget;
-    let most_doublings = ((MOST * most / first) as f32).log2().floor();
-    let doublings = |need: f32, k: f32| (need + k).round().clamp(0.0, most_doublings);
-    let first_rays: u64 = pixels.iter().map(|pixel| pixel.rays).sum();
-    let is_too_much = |k: f32| {
-        let of_chunk = |(needs, (noise, pixels)): (&[f32], (&[f32], &[FirstSamples]))| {
-            let (mut rays, mut sum) = (0.0, 0.0);
-            for (need, (noise, pixel)) in needs.iter().zip(noise.iter().zip(pixels)) {
-                let factor = doublings(*need, k).exp2();
-                rays += f64::from(factor) * pixel.rays as f64;
-                sum += f64::from(noise / factor);
-            }
-            (rays, sum)
-        };
-        let chunks = needs.par_chunks(CHUNK).zip(noise.par_chunks(CHUNK).zip(pixels.par_chunks(CHUNK)));
-        let sums: Vec<(f64, f64)> = chunks.map(of_chunk).collect();
-        let (rays, sum) = sums.iter().fold((0.0, 0.0), |(rays, sum), chunk| (rays + chunk.0, sum + chunk.1));
-        let is_good = match budget {
-            Budget::Mean(_) => false,
-            Budget::Noise(wanted, _) => sum <= f64::from(wanted) * f64::from(first) * pixels.len() as f64,
-        };
-        is_good || rays * f64::from(first) > first_rays as f64 * f64::from(most)
-    };
-    let (mut low, mut high) = RANGE;
-    for _ in 0..HALVINGS {
-        let middle = f32::midpoint(low, high);
-        if is_too_much(middle) { high = middle } else { low = middle }
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the number of doublings")]
-    needs.into_iter().map(|need| 1 << doublings(need, low) as u32).collect()
+
+    fn doublings(&self, need: f32) -> f32 {
+        (need + self.k).round().clamp(0.0, self.most_doublings)
+    }
 }
 
 /// The pixels, or texels, around one of `count` in rows of `width`, itself left out.
@@ -172,6 +205,27 @@ mod tests {
             FirstSamples { noise, rays: u64::from(2 * FIRST) }
         };
         (0..SIDE * SIDE).map(pixel).collect()
+    }
+
+    /// The counts of a whole picture, decided by itself.
+    fn allocate(width: usize, first: u32, budget: Budget, pixels: &[FirstSamples], ambient: f32) -> Vec<u32> {
+        Allocation::new((width, pixels.len() / width), first, budget, pixels, ambient).factors(width, pixels)
+    }
+
+    #[test]
+    fn parts_of_a_picture_decide_as_the_whole() {
+        let pixels = picture(6, 0.5);
+        // Every other block of 8 x 8.
+        let blocks = (0..SIDE / 8).flat_map(|y| (0..SIDE / 8).map(move |x| (x, y))).filter(|(x, y)| (x + y) % 2 == 0);
+        let part: Vec<FirstSamples> = blocks
+            .flat_map(|(x, y)| (0..64).map(move |i| (8 * y + i / 8) * SIDE + 8 * x + i % 8))
+            .map(|pixel| pixels[pixel])
+            .collect();
+        for budget in [Budget::Mean(16), Budget::Noise(0.004, 64)] {
+            let whole = mean(&allocate(SIDE, FIRST, budget, &pixels, 1.0));
+            let by_part = mean(&Allocation::new((8, 8), FIRST, budget, &part, 1.0).factors(SIDE, &pixels));
+            assert!((by_part / whole - 1.0).abs() < 0.2, "{by_part} by a part, {whole} by all");
+        }
     }
 
     fn mean(factors: &[u32]) -> f32 {

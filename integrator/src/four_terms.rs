@@ -1,21 +1,23 @@
 //! The four-term integrator (eq. 7): the picture in bands, each from primary rays over surface points to the film.
 
+use glam::UVec2;
 use rayon::prelude::*;
 use scene::Scene;
 
-use crate::allocation::{FirstSamples, allocate};
+use crate::allocation::{Allocation, FirstSamples};
 use crate::explain::Witness;
 use crate::film::{Band, Film, Pixel, Terms};
 use crate::gather::Gatherer;
 use crate::irradiance_cache::{self, Recorder};
 use crate::lattice::Lattice;
 use crate::plan::Plan;
+use crate::sampler::hash_pair;
 use crate::secondary::Secondary;
 use crate::sky::SkySplit;
-use crate::statistics::{Progress, Statistics};
+use crate::statistics::{Progress, RayCounts, Statistics};
 use crate::surface_points::{PixelPoints, Primary};
 use crate::terms::indirect::{Counts, Incident, IndirectTerm};
-use crate::terms::reuse::share_lobes;
+use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
 
 /// A band holds about so many pixels: enough for the lattice and for both cores, and a bound on the memory for surface points.
@@ -51,13 +53,15 @@ pub(crate) fn render<S: Secondary>(
     let rows = (BAND_PIXELS / settings.size.x).max(1);
     let bands = film.bands_mut(rows);
     let total = bands.len() as f32;
+    let whole =
+        (bands.len() > 1).then(|| statistics.time("direct", |statistics| decide(&primary, &mut statistics.rays)));
     for (number, mut band) in bands.into_iter().enumerate() {
         let done = number as f32 / total;
         if let Some(witness) = witness {
             witness.enter(&band, settings.size.x);
         }
         progress(Progress { phase: "direct", done });
-        let pixels = statistics.time("direct", |_| trace_primary(&primary, &band));
+        let pixels = statistics.time("direct", |_| trace_primary(&primary, &band, whole.as_ref()));
         for pixel in &pixels {
             samples += u64::from(pixel.samples);
             statistics.rays += pixel.rays;
@@ -102,28 +106,89 @@ pub(crate) fn render<S: Secondary>(
 /// Keeps the random numbers of gathers apart from those of primary rays.
 const GATHER_STREAM: u64 = 0x6761_7468_6572;
 
-/// Traces the primary rays of a band: the first samples of all pixels, then more where there is noise.
-fn trace_primary<S: Secondary>(primary: &Primary<'_, S>, band: &Band<'_>) -> Vec<PixelPoints> {
+/// What is decided for the whole picture, so that its bands are all as good: where all of the noise is in one of them, that alone would have to take as many more
+/// samples as there are bands.
+struct Decisions {
+    ambient: f32,
+    allocation: Allocation,
+    lobes: Option<LobeAllocation>,
+}
+
+/// Decides by the first samples of blocks from all over the picture.
+fn decide<S: Secondary>(primary: &Primary<'_, S>, rays: &mut RayCounts) -> Decisions {
+    /// Pixels along a side of a block; a multiple of the side of the tiles that share lobes.
+    const SIDE: u32 = 8;
+    /// One block for each square of so many pixels a side, or of more: at most about so many blocks.
+    const STRIDE: u32 = 32;
+    const BLOCKS: u32 = 1 << 10;
+    /// Keeps the places of blocks apart from all else that is random.
+    const STREAM: u64 = 0x626c_6f63_6b73;
+    let Primary { plan, size, seed, .. } = *primary;
+    let stride = (size.element_product() / BLOCKS).isqrt().max(STRIDE);
+    let (squares, side) = (size.map(|length| length.div_ceil(stride)), UVec2::splat(SIDE).min(size));
+    let block = (side.x as usize, side.y as usize);
+    let corner = |number: u32| {
+        let square = UVec2::new(number % squares.x, number / squares.x) * stride;
+        let random = hash_pair(seed ^ STREAM, number.into());
+        #[expect(clippy::cast_possible_truncation, reason = "both halves of a random number")]
+        let offset = UVec2::new(random as u32, (random >> 32) as u32) % (stride - SIDE + 1);
+        (square + offset).min(size - side)
+    };
+    let positions = (0..squares.element_product()).flat_map(|number| {
+        let corner = corner(number);
+        (0..side.element_product()).map(move |pixel| corner + UVec2::new(pixel % side.x, pixel / side.x))
+    });
+    let positions: Vec<(u32, UVec2)> = (0..).zip(positions).collect();
+    let pixels: Vec<PixelPoints> = positions
+        .into_par_iter()
+        .map(|(number, position)| {
+            let mut pixel = PixelPoints::default();
+            primary.trace(position, number, plan.first_spp, &mut pixel);
+            pixel
+        })
+        .collect();
+    pixels.iter().for_each(|pixel| *rays += pixel.rays);
+    let ambient = ambient(&pixels, primary.secondary);
+    let allocation = Allocation::new(block, plan.first_spp, plan.budget, &first_samples(&pixels), ambient);
+    let direct = primary.direct_term();
+    let lobes = LobeAllocation::new(&direct, block, &pixels, size, seed, ambient, rays);
+    Decisions { ambient, allocation, lobes }
+}
+
+fn first_samples(pixels: &[PixelPoints]) -> Vec<FirstSamples> {
+    pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect()
+}
+
+/// Traces the primary rays of a band: the first samples of all pixels, then more where there is noise. The band decides for itself where that is, unless it was
+/// decided for the whole picture.
+fn trace_primary<S: Secondary>(
+    primary: &Primary<'_, S>,
+    band: &Band<'_>,
+    whole: Option<&Decisions>,
+) -> Vec<PixelPoints> {
     let trace = |index: usize, samples: u32, pixel: &mut PixelPoints| {
         primary.trace(band.position(index), u32::try_from(index).expect("a band is small"), samples, pixel);
     };
-    let plan = primary.plan;
-    let first_samples = |index: usize| {
+    let Primary { plan, size, seed, .. } = *primary;
+    let start = |index: usize| {
         let mut pixel = PixelPoints::default();
         trace(index, plan.first_spp, &mut pixel);
         pixel
     };
-    let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).into_par_iter().map(first_samples).collect();
-    let first: Vec<FirstSamples> =
-        pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect();
-    let ambient = ambient(&pixels, primary.secondary);
-    let factors = allocate(primary.size.x as usize, plan.first_spp, plan.budget, &first, ambient);
+    let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).into_par_iter().map(start).collect();
+    let first = first_samples(&pixels);
+    let width = size.x as usize;
+    let ambient = whole.map_or_else(|| ambient(&pixels, primary.secondary), |whole| whole.ambient);
+    let allocation = whole.map_or_else(
+        || Allocation::new((width, pixels.len() / width), plan.first_spp, plan.budget, &first, ambient),
+        |whole| whole.allocation,
+    );
     pixels
         .par_iter_mut()
-        .zip(factors)
+        .zip(allocation.factors(width, &first))
         .enumerate()
         .for_each(|(index, (pixel, factor))| trace(index, plan.first_spp * factor, pixel));
-    share_lobes(&primary.direct_term(), &mut pixels, primary.size, primary.seed, ambient);
+    share_lobes(&primary.direct_term(), &mut pixels, size, seed, ambient, whole.and_then(|whole| whole.lobes));
     pixels
 }
 

@@ -3,6 +3,7 @@
 //! What a method promises is written once, in `tests::Measured`: the path tracer has no bias, the others a mean within 1 % and
 //! blocks of pixels within 5 %. `cargo test -p tests -- --nocapture` shows what was measured.
 
+mod bands;
 mod bounces;
 mod furnace;
 mod glass;

@@ -17,6 +17,7 @@
 //! # Source
 //! Bekaert, Sbert, Halton 2002: Accelerating Path Tracing by Re-Using Paths.
 
+mod batches;
 mod group;
 
 use std::iter::zip;
@@ -25,9 +26,10 @@ use std::ops::Range;
 use glam::{IVec2, UVec2, Vec3, Vec3A};
 use rayon::prelude::*;
 
+pub(crate) use self::batches::LobeAllocation;
+use self::batches::deviations;
 use self::group::Group;
 use super::direct::{DirectTerm, Light, alpha, is_guided, is_traced, lobe_rays};
-use crate::allocation::neighbours;
 use crate::film::Terms;
 use crate::metrics;
 use crate::plan::Plan;
@@ -66,34 +68,27 @@ struct Tile<'a> {
     dropped: u64,
 }
 
-/// Adds the light of shared lobes to the pixels of a band of a picture of `size`, in which the indirect light has about the radiance `ambient`.
+/// Adds the light of shared lobes to the pixels of a band of a picture of `size`, in which the indirect light has about the radiance `ambient`. The band decides for
+/// itself how many samples it takes unless that was decided for the whole picture.
 pub(crate) fn share_lobes<S: Secondary>(
     direct: &DirectTerm<'_, S>,
     pixels: &mut [PixelPoints],
     size: UVec2,
     seed: u64,
     ambient: f32,
+    whole: Option<LobeAllocation>,
 ) {
     if direct.plan.lobe_noise <= 0.0 {
         return;
     }
-    let ambient = f64::from(ambient);
-    let means: Vec<f64> = pixels.iter().map(|pixel| pixel.noise.mean(ambient)).collect();
-    let floor_sq = metrics::floor_sq(means.clone());
+    let floor_sq = whole.map_or_else(|| metrics::floor_sq(means(pixels, ambient)), |whole| whole.floor_sq);
     let width = size.x as usize;
-    let (columns, rows) = (width.div_ceil(SIDE), (pixels.len() / width).div_ceil(SIDE));
+    let mut tiles = start(direct, width, pixels, size, seed, ambient, floor_sq);
+    let deviations = deviations(&tiles, width);
+    let allocation = whole.unwrap_or_else(|| LobeAllocation::by(&deviations, pixels.len(), floor_sq, direct.plan));
+    let batches: Vec<u32> =
+        deviations.into_iter().map(|deviation| allocation.batches(deviation, direct.plan)).collect();
     let seed = hash_pair(seed, STREAM);
-    let mut tiles: Vec<Tile<'_>> = (0..columns * rows)
-        .into_par_iter()
-        .map(|number| {
-            let corner = [number % columns * SIDE, number / columns * SIDE];
-            let mut tile = Tile::new(groups(direct, pixels, width, corner));
-            let first = tile.start(direct, size, seed);
-            tile.noise = tile.noise_by(&first, |pixel| (pixels[pixel].samples, means[pixel]), floor_sq);
-            tile
-        })
-        .collect();
-    let batches = batches(&tiles, columns, pixels.len(), direct.plan);
     tiles.par_iter_mut().zip(&batches).for_each(|(tile, batches)| tile.take(direct, size, FIRST..*batches, seed));
     let found: Vec<_> =
         tiles.iter().zip(batches).map(|(tile, batches)| (tile.terms(batches), tile.rays, tile.dropped)).collect();
@@ -113,26 +108,34 @@ pub(crate) fn share_lobes<S: Secondary>(
     }
 }
 
-/// How many batches each tile takes altogether, so that the mean noise of `pixels` pixels is what the plan wants: as many as its noise is large, by the tiles around it, so that no
-/// tile judges itself. One of which nothing is known takes the most.
-fn batches(tiles: &[Tile<'_>], columns: usize, pixels: usize, plan: &Plan) -> Vec<u32> {
-    let deviation = |tile: usize| {
-        if tiles[tile].groups.is_empty() {
-            return Some(0.0);
-        }
-        let around = neighbours(tile, columns, tiles.len()).filter(|&near| !tiles[near].groups.is_empty());
-        let (sum, count) = around.fold((0.0, 0.0), |(sum, count), near| (sum + tiles[near].noise, count + 1.0));
-        (count > 0.0).then(|| f64::sqrt(sum / count))
-    };
-    let deviations: Vec<Option<f64>> = (0..tiles.len()).into_par_iter().map(deviation).collect();
-    let sum: f64 = deviations.iter().flatten().sum();
-    let factor = sum / (f64::from(plan.lobe_noise) * pixels as f64);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
-    let count = |deviation: f64| {
-        let most = f64::from(plan.lobe_batches / FIRST);
-        FIRST << (factor * deviation).clamp(1.0, most).log2().round() as u32
-    };
-    deviations.into_iter().map(|deviation| deviation.map_or(plan.lobe_batches, count)).collect()
+/// About the means of pixels in an even radiance of `ambient`.
+fn means(pixels: &[PixelPoints], ambient: f32) -> Vec<f64> {
+    pixels.iter().map(|pixel| pixel.noise.mean(f64::from(ambient))).collect()
+}
+
+/// The tiles of rows of `width` pixels after their first batches.
+fn start<'a, S: Secondary>(
+    direct: &DirectTerm<'a, S>,
+    width: usize,
+    pixels: &'a [PixelPoints],
+    size: UVec2,
+    seed: u64,
+    ambient: f32,
+    floor_sq: f64,
+) -> Vec<Tile<'a>> {
+    let seed = hash_pair(seed, STREAM);
+    let (columns, rows) = (width.div_ceil(SIDE), (pixels.len() / width).div_ceil(SIDE));
+    let known = |pixel: usize| (pixels[pixel].samples, pixels[pixel].noise.mean(f64::from(ambient)));
+    (0..columns * rows)
+        .into_par_iter()
+        .map(|number| {
+            let corner = [number % columns * SIDE, number / columns * SIDE];
+            let mut tile = Tile::new(groups(direct, pixels, width, corner));
+            let first = tile.start(direct, size, seed);
+            tile.noise = tile.noise_by(&first, known, floor_sq);
+            tile
+        })
+        .collect()
 }
 
 /// The points of a tile that share their lobes, by their surfaces.
@@ -263,7 +266,7 @@ pub(crate) mod tests {
     use crate::{Settings, Study, render};
 
     /// A floor of metal of this roughness, whose normals lean apart by `bend` at its corners, under a lamp, with a white wall that stands on it and a black plate before that, seen from above.
-    fn room(alpha: f32, bend: f32) -> Scene {
+    pub(super) fn room(alpha: f32, bend: f32) -> Scene {
         walled_room(alpha, bend, Material { diffuse: Vec3::splat(0.7), ..Material::default() })
     }
 
@@ -412,34 +415,5 @@ pub(crate) mod tests {
         assert_eq!(corners(&points), [[40, 80], [40, 83], [43, 80], [43, 83]]);
         assert_eq!(corners(&points[4..7]), [[40, 81], [42, 81]], "of a row");
         assert_eq!(corners(&points[5..6]), [[41, 81]]);
-    }
-
-    #[test]
-    fn batches_go_where_tiles_around_are_noisy() {
-        let tile = |noise: f64| Tile {
-            groups: vec![Group { points: Vec::new(), corners: 0, guide: None, count: 2, parallax: 1.0 }],
-            lights: Vec::new(),
-            hits: Vec::new(),
-            noise,
-            rays: RayCounts::default(),
-            dropped: 0,
-        };
-        let plan = |lobe_noise: f32| Plan { lobe_noise, ..Plan::new(&room(0.1, 0.0), &Settings::default()) };
-        let mut tiles: Vec<Tile<'_>> = (0..64).map(|_| tile(0.0)).collect();
-        tiles[9].noise = 100.0;
-        let pixels = 64 * SIDE * SIDE;
-        let found = batches(&tiles, 8, pixels, &plan(1e-2));
-        assert_eq!([found[9], found[63]], [FIRST, FIRST], "neither for its own noise nor far from it");
-        assert!(found[0] > FIRST && found[18] > FIRST, "beside it: {} and {}", found[0], found[18]);
-        assert!(
-            batches(&tiles, 8, pixels, &plan(1e-9)).iter().all(|&batches| batches <= plan(1e-9).lobe_batches),
-            "the limit"
-        );
-        tiles[0].groups.clear();
-        assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], FIRST, "nothing to share");
-        tiles[1..].iter_mut().for_each(|tile| tile.groups.clear());
-        let alone = Tile::new(vec![Group { points: Vec::new(), corners: 0, guide: None, count: 2, parallax: 1.0 }]);
-        tiles[0] = alone;
-        assert_eq!(batches(&tiles, 8, pixels, &plan(1e-2))[0], plan(1e-2).lobe_batches, "nothing known");
     }
 }
