@@ -166,7 +166,8 @@ impl<'a> PathTracer<'a> {
             let u_light = sampler.next_4d_for(self.has_light_choice);
             let [u_lobe, u, v, _] = sampler.next_4d_for(bsdf.has_choice());
             let u_roulette = if vertex >= ROULETTE_START { sampler.next_pair().x } else { 0.0 };
-            if !bsdf.is_delta()
+            // Light sampling is in vain on what has no lobe but delta ones, or none at all.
+            if (bsdf.has_diffuse() || bsdf.has_glossy())
                 && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_light)
             {
                 add(&mut sample.terms, flight.after(false), throughput, reflected);
@@ -210,20 +211,19 @@ impl PathTracer<'_> {
         wo: Vec3A,
         [u_choice, u, v, _]: [f32; 4],
     ) -> Option<Vec3> {
-        let light = self.scene.lights().sample(surface.p, surface.n, u_choice, Vec2::new(u, v))?;
-        if !is_on_side(surface, light.wi, false) {
-            return None;
-        }
-        let wi = frame.to_local(light.wi);
-        let (f, pdf) = bsdf.eval_pdf(Lobes::ALL, wo, wi);
-        let value = f * light.radiance * (wi.z / light.pdf);
-        if value == Vec3::ZERO {
+        let mut lights = self.scene.lights().seen_from(surface.p, surface.n);
+        let light = lights.direction(u_choice, Vec2::new(u, v))?;
+        if !is_on_side(surface, light.wi(), false) {
             return None;
         }
         self.rays.shadow += 1;
-        if self.scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
+        if self.scene.occluded(&surface.shadow_ray(light.wi(), light.distance())) {
             return None;
         }
+        let light = light.sample()?;
+        let wi = frame.to_local(light.wi);
+        let (f, pdf) = bsdf.eval_pdf(Lobes::ALL, wo, wi);
+        let value = f * light.radiance * (wi.z / light.pdf);
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
         Some(value * weight * self.scene.transmittance_within(surface.media, light.distance))
     }

@@ -5,7 +5,7 @@ use std::iter::zip;
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use scene::{Bsdf, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
+use scene::{Bsdf, LightDirection, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::sky::SkySplit;
@@ -257,12 +257,17 @@ pub(crate) struct DirectLight<'a> {
     lobes: Lobes,
     ways: LightWays<'a>,
     lights: SeenLights<'a>,
+    /// Whether any of the lobes may reflect.
+    reflects: bool,
 }
 
 impl<'a> DirectLight<'a> {
     pub(crate) fn new(scene: &'a Scene, shading: &'a Shading, lobes: Lobes, ways: LightWays<'a>) -> Self {
         let Surface { p, n, .. } = shading.surface;
-        Self { scene, shading, lobes, ways, lights: lights_of(scene, shading, ways.sky).seen_from(p, n) }
+        let lights = lights_of(scene, shading, ways.sky).seen_from(p, n);
+        let reflects = lobes.contains(Lobes::DIFFUSE) && shading.bsdf.has_diffuse()
+            || lobes.contains(Lobes::SPECULAR) && shading.bsdf.has_glossy();
+        Self { scene, shading, lobes, ways, lights, reflects }
     }
 
     /// Takes one sample.
@@ -274,12 +279,24 @@ impl<'a> DirectLight<'a> {
     /// Takes one sample, and returns the local direction to it, too.
     #[inline]
     pub(crate) fn sample_way(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Option<(Vec3A, Vec3)> {
-        let (light, value) = if self.ways.count > 1 { self.pick(u) } else { self.choose(u[0], Vec2::new(u[1], u[2])) }?;
-        Some((self.shading.frame.to_local(light.wi), self.shadowed(&light, value, rays)))
+        let (light, wi, value) = if self.ways.count > 1 {
+            let (light, wi, value) = self.pick(u)?;
+            (light, wi, Some(value))
+        } else {
+            let (light, wi) = self.choose(u[0], Vec2::new(u[1], u[2]))?;
+            (light, wi, None)
+        };
+        let surface = &self.shading.surface;
+        rays.shadow += 1;
+        if self.scene.occluded(&surface.shadow_ray(light.wi(), light.distance())) {
+            return Some((wi, Vec3::ZERO));
+        }
+        let value = value.or_else(|| self.value(&light, wi)).unwrap_or(Vec3::ZERO);
+        Some((wi, value * self.scene.transmittance_within(surface.media, light.distance())))
     }
 
     /// Chooses one of several directions by what they would bring.
-    fn pick(&mut self, u: [f32; 4]) -> Option<(LightSample, Vec3)> {
+    fn pick(&mut self, u: [f32; 4]) -> Option<(LightDirection<'a>, Vec3A, Vec3)> {
         /// A sequence of low discrepancy (Roberts 2018).
         const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
         let count = self.ways.count;
@@ -290,49 +307,46 @@ impl<'a> DirectLight<'a> {
             let number = number as f32;
             let u_choice = (u[0] + number / count as f32).fract();
             let u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
-            let Some((light, value)) = self.choose(u_choice, u_direction) else { continue };
+            let Some((light, wi)) = self.choose(u_choice, u_direction) else { continue };
+            let Some(value) = self.value(&light, wi) else { continue };
             let weight = value.max_element();
             total += weight;
             // What is left of the number is uniform again.
             let share = weight / total;
             if u_pick < share {
-                picked = Some((light, value, weight));
+                picked = Some((light, wi, value, weight));
                 u_pick /= share;
             } else {
                 u_pick = (u_pick - share) / (1.0 - share);
             }
         }
-        picked.map(|(light, value, weight)| (light, value * (total / weight)))
+        picked.map(|(light, wi, value, weight)| (light, wi, value * (total / weight)))
     }
 
-    /// Returns a direction to a light and what it would bring as one of `ways.count`; `None` for nothing.
+    /// Returns a direction to a light, local too; `None` where nothing can come from there.
     #[inline]
-    fn choose(&mut self, u_choice: f32, u_direction: Vec2) -> Option<(LightSample, Vec3)> {
-        let Shading { frame, bsdf, wo, .. } = self.shading;
-        let LightWays { count, choice, sky } = self.ways;
-        let light = match choice {
-            Some(choice) => choice.sample(&mut self.lights, u_choice, u_direction),
-            None => self.lights.sample(u_choice, u_direction),
-        }?;
-        let wi = frame.to_local(light.wi);
-        if wi.z <= 0.0 || !self.shading.leaves(light.wi, wi) {
+    fn choose(&mut self, u_choice: f32, u_direction: Vec2) -> Option<(LightDirection<'a>, Vec3A)> {
+        if !self.reflects {
             return None;
         }
+        let light = match self.ways.choice {
+            Some(choice) => choice.direction(&mut self.lights, u_choice, u_direction),
+            None => self.lights.direction(u_choice, u_direction),
+        }?;
+        let wi = self.shading.frame.to_local(light.wi());
+        (wi.z > 0.0 && self.shading.leaves(light.wi(), wi)).then_some((light, wi))
+    }
+
+    /// Returns what a direction would bring as one of `ways.count` where nothing stands between; `None` for nothing.
+    #[inline]
+    fn value(&self, light: &LightDirection<'_>, wi: Vec3A) -> Option<Vec3> {
+        let Shading { bsdf, wo, .. } = self.shading;
+        let LightWays { count, sky, .. } = self.ways;
+        let light = light.sample()?;
         let one_of_all = LightSample { pdf: light.pdf * count as f32, ..light };
         let value = unshadowed(bsdf, self.lobes, *wo, wi, &one_of_all, sky);
         let weight = value.max_element();
-        (weight > 0.0 && weight.is_finite()).then_some((light, value))
-    }
-
-    /// Returns `value` where nothing stands between, less what is absorbed on the way.
-    #[inline]
-    fn shadowed(&self, light: &LightSample, value: Vec3, rays: &mut RayCounts) -> Vec3 {
-        let surface = &self.shading.surface;
-        rays.shadow += 1;
-        if self.scene.occluded(&surface.shadow_ray(light.wi, light.distance)) {
-            return Vec3::ZERO;
-        }
-        value * self.scene.transmittance_within(surface.media, light.distance)
+        (weight > 0.0 && weight.is_finite()).then_some(value)
     }
 }
 

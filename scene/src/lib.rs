@@ -32,7 +32,7 @@ pub use error::BuildError;
 pub use features::Features;
 pub use freeform;
 pub use glam;
-pub use light::{Emission, LightSample, Lights, SeenLights};
+pub use light::{Emission, LightDirection, LightSample, Lights, SeenLights};
 pub use load::{
     FileSettings, LoadError, LoadOptions, Loaded, Picture, PictureFormat, Problem, limits, load, load_embedded,
     read_file,

@@ -16,7 +16,7 @@ use std::ops::Range;
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
-use scene::{LightSample, Lobes, Scene, SeenLights};
+use scene::{LightDirection, Lobes, Scene, SeenLights};
 
 use super::tiles::{self, around, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
@@ -197,7 +197,12 @@ impl LightChoice {
     }
 
     /// Chooses a light, by what is known here or without, and a direction to it; the density is that of both ways together.
-    pub(crate) fn sample(&self, lights: &mut SeenLights<'_>, u_choice: f32, u: Vec2) -> Option<LightSample> {
+    pub(crate) fn direction<'a>(
+        &self,
+        lights: &mut SeenLights<'a>,
+        u_choice: f32,
+        u: Vec2,
+    ) -> Option<LightDirection<'a>> {
         let (light, probability) = if u_choice < GUIDED {
             let u = u_choice / GUIDED;
             let place = self.sums.partition_point(|&sum| sum <= u).min(self.sums.len() - 1);
@@ -206,7 +211,7 @@ impl LightChoice {
             lights.choose((u_choice - GUIDED) / (1.0 - GUIDED))?
         };
         let both = GUIDED * self.probability(light) + (1.0 - GUIDED) * probability;
-        lights.sample_one(light, both, u)
+        lights.direction_to_one(light, both, u)
     }
 
     /// The probability with which the tile chooses a light.
@@ -273,11 +278,11 @@ mod tests {
             let (mut sum, mut sum_sq) = (0.0, 0.0);
             for _ in 0..COUNT {
                 let (u_choice, u) = (rng.next_1d(), rng.next_2d());
-                let sample = match choice {
-                    Some(choice) => choice.sample(&mut lights, u_choice, u),
-                    None => lights.sample(u_choice, u),
+                let direction = match choice {
+                    Some(choice) => choice.direction(&mut lights, u_choice, u),
+                    None => lights.direction(u_choice, u),
                 };
-                let Some(sample) = sample else { continue };
+                let Some(sample) = direction.and_then(|direction| direction.sample()) else { continue };
                 if !scene.occluded(&shading.surface.shadow_ray(sample.wi, sample.distance)) {
                     let value = f64::from(sample.radiance.x * sample.wi.dot(Vec3A::Y) / sample.pdf);
                     sum += value;

@@ -8,7 +8,7 @@ use std::f32::consts::TAU;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere, is_over_horizon, narrow};
+use super::{Emission, LightSample, Sphere, narrow};
 use crate::Environment;
 use crate::environment::direction_to_uv;
 
@@ -88,20 +88,9 @@ impl EnvironmentLight {
         self.integral * surroundings.cross_section()
     }
 
-    /// Returns a direction to it; `None` below the horizon of the normal `n`, and where the density is 0.
-    #[inline]
-    pub(super) fn sample(&self, n: Vec3A, u: Vec2, probability: f32) -> Option<LightSample> {
-        let wi = self.direction(u);
-        // What lies below need not be looked up.
-        if !is_over_horizon(n, wi) {
-            return None;
-        }
-        self.sample_at(wi, probability)
-    }
-
     /// Returns the direction that a pair of numbers chooses.
     #[inline]
-    fn direction(&self, u: Vec2) -> Vec3A {
+    pub(super) fn direction(&self, u: Vec2) -> Vec3A {
         let (row, y) = self.rows.invert(0, u.y);
         let (column, x) = self.columns.invert(row, u.x);
         let cosine = self.cosines[row] + (self.cosines[row + 1] - self.cosines[row]) * y;
@@ -112,7 +101,7 @@ impl EnvironmentLight {
 
     /// Returns what shines in a direction that was chosen; `None` where its density is 0.
     #[inline]
-    fn sample_at(&self, wi: Vec3A, probability: f32) -> Option<LightSample> {
+    pub(super) fn sample_at(&self, wi: Vec3A, probability: f32) -> Option<LightSample> {
         // Rounding may have moved wi to the next cell: the density is that of where it is, as for a ray that comes by chance.
         let uv = direction_to_uv(wi);
         let pdf = self.pdf_at(uv) * probability;

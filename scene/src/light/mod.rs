@@ -23,7 +23,7 @@ use choice::Choice;
 use environment::EnvironmentLight;
 pub(crate) use form::FormLight;
 use rectangle::RectangleLight;
-pub use seen::SeenLights;
+pub use seen::{LightDirection, SeenLights};
 use tree::{Emitter, LightTree};
 pub(crate) use triangle::TriangleLight;
 

@@ -1,12 +1,12 @@
 //! The lights as one point sees them.
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 
 use super::environment::EnvironmentLight;
 use super::form::FormLight;
 use super::rectangle::SeenRectangle;
 use super::triangle::SeenTriangle;
-use super::{Light, LightSample, Lights, punctual};
+use super::{Light, LightSample, Lights, is_over_horizon, punctual};
 use crate::PunctualLight;
 
 /// The lights as one point sees them: what directions to the same light have in common is found once.
@@ -82,6 +82,37 @@ impl<'a> SeenLights<'a> {
     #[inline]
     #[must_use]
     pub fn sample_one(&mut self, light: usize, probability: f32, u: Vec2) -> Option<LightSample> {
+        self.direction_to_one(light, probability, u)?.sample()
+    }
+
+    /// As [`SeenLights::sample`], but what the light sends is not looked up yet.
+    ///
+    /// ```
+    /// use glam::{Vec2, Vec3A};
+    /// use scene::{Description, Environment, Ray, Scene};
+    ///
+    /// let sky = Some(Environment::sky());
+    /// let scene = Scene::new(Description { environment: sky, ..Description::default() })?;
+    /// let mut lights = scene.lights().seen_from(Vec3A::ZERO, Vec3A::Y);
+    /// let up = lights.direction(0.5, Vec2::new(0.5, 0.1)).expect("above the horizon");
+    /// assert!(!scene.occluded(&Ray::new(Vec3A::ZERO, up.wi())));
+    /// assert_eq!(up.sample(), lights.sample(0.5, Vec2::new(0.5, 0.1)));
+    /// # Ok::<(), scene::BuildError>(())
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn direction(&mut self, u_choice: f32, u: Vec2) -> Option<LightDirection<'a>> {
+        let (light, probability) = self.choose(u_choice)?;
+        self.direction_to_one(light, probability, u)
+    }
+
+    /// As [`SeenLights::sample_one`], but what the light sends is not looked up yet.
+    ///
+    /// # Panics
+    /// If there is no such light.
+    #[inline]
+    #[must_use]
+    pub fn direction_to_one(&mut self, light: usize, probability: f32, u: Vec2) -> Option<LightDirection<'a>> {
         let Self { lights, p, n, .. } = *self;
         if self.last.as_ref().is_none_or(|last| last.0 != light) {
             let seen = match lights.light(light) {
@@ -93,13 +124,56 @@ impl<'a> SeenLights<'a> {
             };
             self.last = Some((light, seen));
         }
-        match &self.last.as_ref()?.1 {
+        let mut surroundings = None;
+        let sample = match &self.last.as_ref()?.1 {
             SeenLight::Rectangle(light) => light.sample(n, u, probability),
             SeenLight::Triangle(light) => light.sample(n, u, probability),
             SeenLight::Form(light) => light.sample(p, n, u, probability),
             SeenLight::Punctual(light) => punctual::sample(light, p, n, probability),
-            SeenLight::Environment(light) => light.sample(n, u, probability),
+            SeenLight::Environment(light) => {
+                let wi = light.direction(u);
+                surroundings = Some(*light);
+                let unseen =
+                    LightSample { wi, distance: f32::INFINITY, radiance: Vec3::ZERO, pdf: probability, delta: false };
+                is_over_horizon(n, wi).then_some(unseen)
+            }
             SeenLight::Dark => None,
+        }?;
+        Some(LightDirection { sample, surroundings })
+    }
+}
+
+/// A direction to a light, chosen by [`SeenLights::direction`]. What comes from there may wait until it is known that nothing stands between: to look up surroundings
+/// may take longer than a ray.
+#[derive(Debug, Clone, Copy)]
+pub struct LightDirection<'a> {
+    /// Of surroundings only the direction is known, and in the place of the density the probability of their choice.
+    sample: LightSample,
+    surroundings: Option<&'a EnvironmentLight>,
+}
+
+impl LightDirection<'_> {
+    /// Returns the unit direction from the point to the light.
+    #[inline]
+    #[must_use]
+    pub fn wi(&self) -> Vec3A {
+        self.sample.wi
+    }
+
+    /// Returns the distance to the light, metres; infinite for environment and directional lights.
+    #[inline]
+    #[must_use]
+    pub fn distance(&self) -> f32 {
+        self.sample.distance
+    }
+
+    /// Returns all of the sample; `None` where its density is 0.
+    #[inline]
+    #[must_use]
+    pub fn sample(&self) -> Option<LightSample> {
+        match self.surroundings {
+            None => Some(self.sample),
+            Some(light) => light.sample_at(self.sample.wi, self.sample.pdf),
         }
     }
 }
