@@ -166,8 +166,7 @@ impl<'a> PathTracer<'a> {
             let u_light = sampler.next_4d_for(self.has_light_choice);
             let [u_lobe, u, v, _] = sampler.next_4d_for(bsdf.has_choice());
             let u_roulette = if vertex >= ROULETTE_START { sampler.next_pair().x } else { 0.0 };
-            // Light sampling is in vain on what has no lobe but delta ones, or none at all.
-            if (bsdf.has_diffuse() || bsdf.has_glossy())
+            if bsdf.scatters(Lobes::ALL)
                 && let Some(reflected) = self.sample_light(&surface, &bsdf, &frame, wo, u_light)
             {
                 add(&mut sample.terms, flight.after(false), throughput, reflected);

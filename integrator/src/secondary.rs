@@ -257,17 +257,12 @@ pub(crate) struct DirectLight<'a> {
     lobes: Lobes,
     ways: LightWays<'a>,
     lights: SeenLights<'a>,
-    /// Whether any of the lobes may reflect.
-    reflects: bool,
 }
 
 impl<'a> DirectLight<'a> {
     pub(crate) fn new(scene: &'a Scene, shading: &'a Shading, lobes: Lobes, ways: LightWays<'a>) -> Self {
         let Surface { p, n, .. } = shading.surface;
-        let lights = lights_of(scene, shading, ways.sky).seen_from(p, n);
-        let reflects = lobes.contains(Lobes::DIFFUSE) && shading.bsdf.has_diffuse()
-            || lobes.contains(Lobes::SPECULAR) && shading.bsdf.has_glossy();
-        Self { scene, shading, lobes, ways, lights, reflects }
+        Self { scene, shading, lobes, ways, lights: lights_of(scene, shading, ways.sky).seen_from(p, n) }
     }
 
     /// Takes one sample.
@@ -279,6 +274,9 @@ impl<'a> DirectLight<'a> {
     /// Takes one sample, and returns the local direction to it, too.
     #[inline]
     pub(crate) fn sample_way(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Option<(Vec3A, Vec3)> {
+        if !self.shading.bsdf.scatters(self.lobes) {
+            return None;
+        }
         let (light, wi, value) = if self.ways.count > 1 {
             let (light, wi, value) = self.pick(u)?;
             (light, wi, Some(value))
@@ -291,7 +289,7 @@ impl<'a> DirectLight<'a> {
         if self.scene.occluded(&surface.shadow_ray(light.wi(), light.distance())) {
             return Some((wi, Vec3::ZERO));
         }
-        let value = value.or_else(|| self.value(&light, wi)).unwrap_or(Vec3::ZERO);
+        let value = value.unwrap_or_else(|| self.value(&light, wi));
         Some((wi, value * self.scene.transmittance_within(surface.media, light.distance())))
     }
 
@@ -308,8 +306,11 @@ impl<'a> DirectLight<'a> {
             let u_choice = (u[0] + number / count as f32).fract();
             let u_direction = (Vec2::new(u[1], u[2]) + number * STEP).fract();
             let Some((light, wi)) = self.choose(u_choice, u_direction) else { continue };
-            let Some(value) = self.value(&light, wi) else { continue };
+            let value = self.value(&light, wi);
             let weight = value.max_element();
+            if weight == 0.0 {
+                continue;
+            }
             total += weight;
             // What is left of the number is uniform again.
             let share = weight / total;
@@ -326,9 +327,6 @@ impl<'a> DirectLight<'a> {
     /// Returns a direction to a light, local too; `None` where nothing can come from there.
     #[inline]
     fn choose(&mut self, u_choice: f32, u_direction: Vec2) -> Option<(LightDirection<'a>, Vec3A)> {
-        if !self.reflects {
-            return None;
-        }
         let light = match self.ways.choice {
             Some(choice) => choice.direction(&mut self.lights, u_choice, u_direction),
             None => self.lights.direction(u_choice, u_direction),
@@ -337,16 +335,16 @@ impl<'a> DirectLight<'a> {
         (wi.z > 0.0 && self.shading.leaves(light.wi(), wi)).then_some((light, wi))
     }
 
-    /// Returns what a direction would bring as one of `ways.count` where nothing stands between; `None` for nothing.
+    /// Returns what a direction would bring as one of `ways.count` where nothing stands between.
     #[inline]
-    fn value(&self, light: &LightDirection<'_>, wi: Vec3A) -> Option<Vec3> {
+    fn value(&self, light: &LightDirection<'_>, wi: Vec3A) -> Vec3 {
         let Shading { bsdf, wo, .. } = self.shading;
         let LightWays { count, sky, .. } = self.ways;
-        let light = light.sample()?;
+        let Some(light) = light.sample() else { return Vec3::ZERO };
         let one_of_all = LightSample { pdf: light.pdf * count as f32, ..light };
         let value = unshadowed(bsdf, self.lobes, *wo, wi, &one_of_all, sky);
         let weight = value.max_element();
-        (weight > 0.0 && weight.is_finite()).then_some(value)
+        if weight > 0.0 && weight.is_finite() { value } else { Vec3::ZERO }
     }
 }
 

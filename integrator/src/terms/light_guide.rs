@@ -128,15 +128,16 @@ impl Learner<'_> {
         for mut sampler in sampler.split_into(LIGHT_SAMPLES) {
             let [u_choice, u, v, _] = sampler.next_4d();
             let Some((light, probability)) = lights.choose(u_choice) else { continue };
-            let Some(sample) = lights.sample_one(light, 1.0, Vec2::new(u, v)) else { continue };
-            let wi = shading.frame.to_local(sample.wi);
-            if wi.z <= 0.0 || !shading.leaves(sample.wi, wi) {
+            let Some(direction) = lights.direction_to_one(light, 1.0, Vec2::new(u, v)) else { continue };
+            let wi = shading.frame.to_local(direction.wi());
+            if wi.z <= 0.0 || !shading.leaves(direction.wi(), wi) {
                 continue;
             }
             rays.shadow += 1;
-            if self.scene.occluded(&surface.shadow_ray(sample.wi, sample.distance)) {
+            if self.scene.occluded(&surface.shadow_ray(direction.wi(), direction.distance())) {
                 continue;
             }
+            let Some(sample) = direction.sample() else { continue };
             let value = unshadowed(&shading.bsdf, Lobes::DIFFUSE, shading.wo, wi, &sample, self.sky).max_element();
             let moment = value * value / probability;
             if moment > 0.0 && moment.is_finite() {

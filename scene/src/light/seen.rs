@@ -56,8 +56,7 @@ impl<'a> SeenLights<'a> {
     #[inline]
     #[must_use]
     pub fn sample(&mut self, u_choice: f32, u: Vec2) -> Option<LightSample> {
-        let (light, probability) = self.choose(u_choice)?;
-        self.sample_one(light, probability, u)
+        self.direction(u_choice, u)?.sample()
     }
 
     /// Returns the light, below [`Lights::count`], that `u_choice` in [0, 1) chooses, and its probability; `None` where none shines to the point.

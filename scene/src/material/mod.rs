@@ -192,7 +192,7 @@ impl Bsdf {
         }
     }
 
-    /// Whether there is no lobe but a delta one, so that light sampling is in vain.
+    /// Whether there is no lobe but a delta one.
     #[inline]
     #[must_use]
     pub fn is_delta(&self) -> bool {
@@ -204,6 +204,22 @@ impl Bsdf {
     #[must_use]
     pub fn has_diffuse(&self) -> bool {
         self.diffuse != Vec3::ZERO
+    }
+
+    /// Whether any of the lobes may reflect light from a direction that light sampling chose: a diffuse or a rough specular one. On mirrors and glass, and on what is
+    /// black, light sampling is in vain.
+    ///
+    /// ```
+    /// use scene::glam::Vec3;
+    /// use scene::{Bsdf, Lobes, Specular};
+    ///
+    /// let chalk = Bsdf { diffuse: Vec3::splat(0.8), specular: Specular::None };
+    /// assert!(chalk.scatters(Lobes::ALL) && !chalk.scatters(Lobes::SPECULAR));
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn scatters(&self, lobes: Lobes) -> bool {
+        lobes.contains(Lobes::DIFFUSE) && self.has_diffuse() || lobes.contains(Lobes::SPECULAR) && self.has_glossy()
     }
 
     /// Whether [`Bsdf::sample`] of all lobes asks `u_lobe`: there are two parts, or a surface that both reflects and refracts.
