@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 28] = [
+const SWITCHES: [(&str, &str); 30] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -20,6 +20,7 @@ const SWITCHES: [(&str, &str); 28] = [
     ("verify=0", "no verification rays"),
     ("verify=4", "16 verification rays"),
     ("merge=1", "elements not merged"),
+    ("sides=even", "elements of up to 4 texels along a side at every distance"),
     ("depth=layer", "elements within one layer"),
     ("layers=8", "8 layers"),
     ("layers=32", "32 layers"),
@@ -30,6 +31,7 @@ const SWITCHES: [(&str, &str); 28] = [
     ("walls=off", "records of irradiance reach through walls"),
     ("gaps=off", "records of irradiance reach into thin gaps"),
     ("limit=off", "records reach farther than a quarter of the picture"),
+    ("follow=off", "trails as long as the way of their silhouettes"),
     ("margins=off", "retreating silhouettes keep their last texel"),
     ("doubt=off", "no doubt of what a record above a point could not see"),
     ("divide=off", "one ray for each texel of a gather"),

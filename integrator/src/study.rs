@@ -24,6 +24,8 @@ pub struct Study {
     pub layers: Option<u32>,
     /// Texels along a side of an s-element at most, 1 to 64; 1 merges nothing.
     pub merge: Option<u32>,
+    /// Whether s-elements have the same greatest side at every distance, or half of it where they are near.
+    pub even_sides: Option<bool>,
     /// Whether an s-element lies in one depth layer, as in the paper, or is as deep as its parallax allows.
     pub by_layer: Option<bool>,
     /// Texels along a side of the block that a hole ray stands for at most, 1 to 64: points with few holes take smaller ones.
@@ -65,6 +67,8 @@ pub struct Study {
     pub divide: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
+    /// Whether a trail ends at what lies behind its silhouette, which covers a part of it as it follows, or is as long as the silhouette's way.
+    pub follow: Option<bool>,
     /// Whether the last texel inside a silhouette that retreats is unknown.
     pub margins: Option<bool>,
     /// Whether a point below the tangent plane of a record doubts what the record could not see.
@@ -81,7 +85,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, depth, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, margins, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, sides, depth, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, follow, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -116,6 +120,7 @@ impl Study {
             "error" => self.error = Some(number(name, value, 1e-9, 1.0)?),
             "layers" => self.layers = Some(number(name, value, 2, 256)?),
             "merge" => self.merge = Some(number(name, value, 1, 64)?),
+            "sides" => self.even_sides = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
             "depth" => self.by_layer = Some(choice(name, value, [("layer", true), ("parallax", false)])?),
             "step" => self.step = Some(number(name, value, 1, 64)?),
             "verify" => self.verify = Some(number(name, value, 0, 8)?),
@@ -136,6 +141,7 @@ impl Study {
             "limit" => self.limit = Some(switch(name, value)?),
             "divide" => self.divide = Some(switch(name, value)?),
             "highlights" => self.highlights = Some(switch(name, value)?),
+            "follow" => self.follow = Some(switch(name, value)?),
             "margins" => self.margins = Some(switch(name, value)?),
             "doubt" => self.doubt = Some(switch(name, value)?),
             "samples" => self.even_samples = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
@@ -153,6 +159,7 @@ impl Study {
         let usual = MergeSettings::default();
         MergeSettings {
             max_side: self.merge.map_or(usual.max_side, |side| u8::try_from(side).unwrap_or(u8::MAX)),
+            adaptive: self.even_sides != Some(true),
             depth: if self.by_layer == Some(true) { DepthRange::Layer } else { usual.depth },
             ..usual
         }
@@ -165,7 +172,11 @@ impl Study {
 
     /// Who leaves trails.
     pub(crate) fn trails(&self) -> Trails {
-        if self.all_trails == Some(true) { Trails::All } else { Trails::Silhouettes }
+        match (self.all_trails, self.follow) {
+            (Some(true), _) => Trails::All,
+            (_, Some(false)) => Trails::Silhouettes,
+            _ => Trails::Uncovered,
+        }
     }
 
     /// How shares are measured.
@@ -212,6 +223,7 @@ mod tests {
             ("error", "1e-6"),
             ("layers", "32"),
             ("merge", "1"),
+            ("sides", "even"),
             ("depth", "layer"),
             ("step", "3"),
             ("verify", "0"),
@@ -232,6 +244,7 @@ mod tests {
             ("limit", "off"),
             ("divide", "off"),
             ("highlights", "off"),
+            ("follow", "off"),
             ("margins", "off"),
             ("doubt", "off"),
             ("samples", "even"),

@@ -93,8 +93,8 @@ impl Elements {
         depth_layers(&samples.distance, layers, &mut layer_of);
         let grid = Grid::new(samples);
         let mut blocks = merge(samples, &grid.points, &layer_of, settings);
-        // Stable, so that the order inside a layer is that of the texels.
-        blocks.sort_by_key(|b| b.layer);
+        // Inside a layer by height, up and down in turn: lanes draw as many rows as the highest of them has. Stable, so that the rest of the order is that of the texels.
+        blocks.sort_by_key(|b| (b.layer, if b.layer % 2 == 0 { b.size[1] } else { u8::MAX - b.size[1] }));
         let mut layer_starts = vec![0; layers + 1];
         for block in &blocks {
             layer_starts[usize::from(block.layer) + 1] += 1;

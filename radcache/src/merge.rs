@@ -38,6 +38,9 @@ pub struct MergeSettings {
     /// Largest number of texels along a side of a block; 1 switches merging off. Long straight edges bend when they are
     /// projected, and the error grows with the square of their length.
     pub max_side: u8,
+    /// Whether the largest side is half as long nearer than two thirds of the harmonic mean distance: near things are magnified, and edges bend the more the
+    /// farther they move.
+    pub adaptive: bool,
     /// Smallest cosine between the normals.
     pub min_normal_cos: f32,
     /// Largest distance of one block's centre from the plane of the other, as a share of its distance from the record.
@@ -49,11 +52,22 @@ pub struct MergeSettings {
     pub max_contrast: f32,
 }
 
+impl MergeSettings {
+    /// The largest side of a block whose nearest texel is so far away, metres.
+    fn max_side_at(&self, distance: f32, harmonic_distance: f32) -> u8 {
+        /// Near is what has its distance so many times in the harmonic mean distance of the record.
+        const NEAR: f32 = 1.5;
+        let is_near = NEAR * distance < harmonic_distance;
+        if self.adaptive && is_near { self.max_side / 2 } else { self.max_side }
+    }
+}
+
 impl Default for MergeSettings {
-    /// Sides of up to 4 texels, normals within 10 degrees, planes within 2 % of the distance, a parallax of 0.3, any contrast.
+    /// Sides of up to 4 texels, 2 where they are near, normals within 10 degrees, planes within 2 % of the distance, a parallax of 0.3, any contrast.
     fn default() -> Self {
         Self {
             max_side: 4,
+            adaptive: true,
             min_normal_cos: 0.985,
             plane_tolerance: 0.02,
             depth: DepthRange::Parallax(0.3),
@@ -214,7 +228,8 @@ fn pass(
         let b = blocks[second];
         let fits = a.start[1 - axis] == b.start[1 - axis]
             && a.size[1 - axis] == b.size[1 - axis]
-            && a.size[axis] + b.size[axis] <= settings.max_side;
+            && a.size[axis] + b.size[axis]
+                <= settings.max_side_at(a.distances[0].min(b.distances[0]), harmonic_distance);
         if !(fits && a.agrees(&b, settings, harmonic_distance)) {
             continue;
         }
@@ -301,10 +316,42 @@ mod tests {
     fn blocks_are_compact() {
         let samples = Samples::from_fn(32, |wi| (Vec3::ONE, 5.0, -wi));
         let layers = vec![0; 32 * 32];
-        let open = MergeSettings { min_normal_cos: -1.0, plane_tolerance: 10.0, ..MergeSettings::default() };
+        let open =
+            MergeSettings { adaptive: false, min_normal_cos: -1.0, plane_tolerance: 10.0, ..MergeSettings::default() };
         let blocks = merge(&samples, &samples.points(), &layers, &open);
         assert_eq!(blocks.len(), 64, "32 x 32 texels in blocks of 4 x 4");
         assert!(blocks.iter().all(|b| b.size == [4, 4]), "square blocks");
+    }
+
+    #[test]
+    fn near_blocks_are_finer() {
+        let n = 32;
+        // Three walls of constant distance: 1, 2 and 8 m. The harmonic mean of a fifth, two fifths and two fifths is 2.2 m.
+        let samples = Samples::from_fn(n, |wi| {
+            let distance = if wi.x < -0.6 {
+                1.0
+            } else if wi.x < 0.2 {
+                2.0
+            } else {
+                8.0
+            };
+            (Vec3::ONE, distance, -wi)
+        });
+        let sides = |adaptive: bool| {
+            let settings = MergeSettings {
+                adaptive,
+                min_normal_cos: -1.0,
+                plane_tolerance: 10.0,
+                depth: DepthRange::Parallax(0.01),
+                ..MergeSettings::default()
+            };
+            let blocks = merge(&samples, &samples.points(), &vec![0; n * n], &settings);
+            [1.0, 2.0, 8.0].map(|distance| {
+                let there = blocks.iter().filter(|block| block.distances[0] == distance);
+                there.map(|block| block.size[0].max(block.size[1])).max().unwrap()
+            })
+        };
+        assert_eq!((sides(true), sides(false)), ([2, 4, 4], [4, 4, 4]), "texels along the longest side, by distance");
     }
 
     #[test]

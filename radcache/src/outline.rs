@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3A;
 
+use crate::silhouette::plane_distance;
 use crate::{Elements, LANES};
 
 /// The sides of elements that are silhouettes, in the order of their elements. All of it follows from the other arrays of [`Elements`].
@@ -38,6 +39,9 @@ pub struct Outline {
     /// How far inside of the side the surface may end in truth, in the square: a texel, or nothing where the radiance of the element knows how much of its
     /// texels the background takes, or is of no use elsewhere.
     pub margin: Vec<f32>,
+    /// How far what lies behind a side moves when the point does, as a share of how far the side itself moves: the ratio of their distances, the least along the
+    /// side; 0 before the surroundings.
+    pub behind: Vec<f32>,
     /// Start of each layer, and the number of sides at the end.
     layer_starts: Vec<u16>,
 }
@@ -48,7 +52,11 @@ impl Outline {
         let mut outline = Self::default();
         let padded = elements.padded_len();
         let texels = elements.start.iter().zip(&elements.size).take(elements.len());
-        let n = texels.map(|(start, size)| f32::from(start[0]) + f32::from(size[0])).fold(1.0, f32::max);
+        let end =
+            |axis: usize| texels.clone().map(move |(start, size)| usize::from(start[axis]) + usize::from(size[axis]));
+        let columns = end(0).chain(end(1)).max().unwrap_or(1);
+        let n = columns as f32;
+        let owners = owners(elements, columns);
         outline.layer_starts.push(0);
         for layer in 0..elements.layer_count() {
             for e in elements.layer(layer) {
@@ -58,6 +66,7 @@ impl Outline {
                     let [a, b] = [k, (k + 1) % 4].map(|k| elements.corner(e, k).normalize_or_zero());
                     let normal = a.cross(b).normalize_or_zero();
                     outline.margin.push(margin);
+                    outline.behind.push(behind(elements, &owners, columns, e, k));
                     outline.normals.iter_mut().zip(normal.to_array()).for_each(|(list, x)| list.push(x));
                     for (end, k) in [k, (k + 1) % 4].into_iter().enumerate() {
                         let [u, v] = elements.grid_corner(e, k);
@@ -70,9 +79,9 @@ impl Outline {
             outline.layer_starts.push(number(outline.margin.len()));
         }
         let padded = outline.len().next_multiple_of(LANES);
-        let Self { ends, normals, u, v, margin, .. } = &mut outline;
+        let Self { ends, normals, u, v, margin, behind, .. } = &mut outline;
         ends.iter_mut().for_each(|list| list.resize(padded, 0));
-        normals.iter_mut().chain(u).chain(v).chain([margin]).for_each(|list| list.resize(padded, 0.0));
+        normals.iter_mut().chain(u).chain(v).chain([margin, behind]).for_each(|list| list.resize(padded, 0.0));
         outline
     }
 
@@ -104,8 +113,52 @@ impl Outline {
     /// Bytes that the arrays take.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.margin.len() * (2 * size_of::<u16>() + 8 * size_of::<f32>()) + self.layer_starts.len() * size_of::<u16>()
+        self.margin.len() * (2 * size_of::<u16>() + 9 * size_of::<f32>()) + self.layer_starts.len() * size_of::<u16>()
     }
+}
+
+/// The element of each of `n x n` texels.
+fn owners(elements: &Elements, n: usize) -> Vec<Option<u16>> {
+    let mut owners = vec![None; n * n];
+    for e in 0..elements.len() {
+        let ([i, j], [w, h]) = (elements.start[e].map(usize::from), elements.size[e].map(usize::from));
+        owners.chunks_exact_mut(n).skip(j).take(h).for_each(|row| row[i..i + w].fill(Some(number(e))));
+    }
+    owners
+}
+
+/// See [`Outline::behind`], for side `k` of element `e`.
+fn behind(elements: &Elements, owners: &[Option<u16>], n: usize, e: usize, k: usize) -> f32 {
+    let ([i, j], [w, h]) = (elements.start[e].map(usize::from), elements.size[e].map(usize::from));
+    let [from, to] = [k, (k + 1) % 4].map(|k| elements.corner(e, k));
+    let count = if k.is_multiple_of(2) { w } else { h };
+    let shares = (0..count).filter_map(|texel| {
+        // Sides run round the element.
+        let (i, j) = match k {
+            0 => (i + texel, j.checked_sub(1)?),
+            1 => (i + w, j + texel),
+            2 => (i + w - 1 - texel, j + h),
+            _ => (i.checked_sub(1)?, j + h - 1 - texel),
+        };
+        let other = *owners.get(j * n + i).filter(|_| i < n)?;
+        let place = from.lerp(to, (texel as f32 + 0.5) / count as f32);
+        Some(place.length() / distance(elements, other?.into(), place))
+    });
+    // Beside a part of the side, the surface may run on.
+    let least = shares.filter(|&share| share < 1.0).fold(1.0, f32::min);
+    if least < 1.0 { least } else { 0.0 }
+}
+
+/// The distance of element `e` towards a point, on its plane, but no nearer and no farther than its corners.
+fn distance(elements: &Elements, e: usize, towards: Vec3A) -> f32 {
+    if elements.finite[e] == 0.0 {
+        return f32::INFINITY;
+    }
+    let corners = [0, 1, 2, 3].map(|k| elements.corner(e, k));
+    let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
+    let distances = corners.map(Vec3A::length);
+    let [nearest, farthest] = [f32::min, f32::max].map(|choose| distances.into_iter().reduce(choose).expect("four"));
+    plane_distance(corners[0], normal, towards.normalize_or_zero()).clamp(nearest, farthest)
 }
 
 fn number(corner: usize) -> u16 {
@@ -150,6 +203,46 @@ mod tests {
         assert!(outline.margin[..outline.len()].contains(&0.0) && outline.margin.contains(&(1.0 / 16.0)), "both kinds");
         let layers: Vec<_> = (0..elements.layer_count()).flat_map(|layer| outline.layer(layer)).collect();
         assert!(layers.into_iter().eq(0..outline.len()), "layers follow each other and hold all");
+    }
+
+    #[test]
+    fn what_lies_behind_follows_by_its_distance() {
+        let n = 32;
+        // A near half-plane x < 0.3 before a far plane that leans, and that before the sky.
+        let samples = Samples::from_fn(n, |wi| {
+            let (near, far) = (1.0 / wi.z, 4.0 / (wi.z - 0.5 * wi.x));
+            if wi.x * near < 0.3 {
+                (Vec3::X, near, Vec3A::NEG_Z)
+            } else if wi.x < 0.6 {
+                (Vec3::Y, far, Vec3A::new(0.5, 0.0, -1.0).normalize())
+            } else {
+                (Vec3::Z, f32::INFINITY, -wi)
+            }
+        });
+        let elements = Elements::new(&samples, 16, &MergeSettings::default());
+        let outline = elements.outline();
+        let mut found = [0; 2];
+        for side in 0..outline.len() {
+            let e = usize::from(outline.ends[0][side]) % elements.padded_len();
+            if elements.radiance[0][e] == 0.0 {
+                assert_eq!(outline.behind[side], 0.0, "the sky does not move");
+                found[0] += 1;
+            } else {
+                // The directions of both ends, where planes are 1 and 4 away.
+                let ends = [0, 1].map(|end| {
+                    let number = usize::from(outline.ends[end][side]);
+                    elements.corner(number % elements.padded_len(), number / elements.padded_len()).normalize()
+                });
+                // Where planes are seen flatly, corners are held back.
+                if ends.iter().any(|wi| wi.z < 0.5) {
+                    continue;
+                }
+                let least = ends.map(|wi| (wi.z - 0.5 * wi.x) / (4.0 * wi.z)).into_iter().fold(1.0, f32::min);
+                assert!((outline.behind[side] / least - 1.0).abs() < 0.1, "{} for {least}", outline.behind[side]);
+                found[1] += 1;
+            }
+        }
+        assert!(found[0] > 5 && found[1] > 5, "both kinds of silhouette: {found:?}");
     }
 
     #[test]

@@ -40,10 +40,11 @@ proptest! {
     #[test]
     fn elements_tile_the_texture(
         x in -0.9f32..0.9, y in -0.9f32..0.9, z in -0.99f32..-0.8, n in 1usize..=64,
-        layers in prop_oneof![Just(1usize), Just(2), Just(16), Just(256)], max_side in 0u8..=64, max_contrast in 0.0f32..2.0,
+        layers in prop_oneof![Just(1usize), Just(2), Just(16), Just(256)], max_side in 0u8..=64, adaptive: bool,
+        max_contrast in 0.0f32..2.0,
         depth in prop_oneof![Just(DepthRange::Layer), (0.0f32..2.0).prop_map(DepthRange::Parallax)],
     ) {
-        let merge = MergeSettings { max_side, max_contrast, depth, ..MergeSettings::default() };
+        let merge = MergeSettings { max_side, adaptive, max_contrast, depth, ..MergeSettings::default() };
         let record = record(Vec3A::new(x, y, z), FRAME, n, &RecordSettings { layers, merge }, &Validity::default());
         let (elements, samples) = (record.elements(), record.samples());
         let mut owner = vec![None; n * n];

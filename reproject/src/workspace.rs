@@ -29,8 +29,11 @@ pub enum Trails {
     All,
     /// Sides that are silhouettes against something farther and retreat from it: what lies between the old and the new edge. Those that advance cover that
     /// themselves.
-    #[default]
     Silhouettes,
+    /// The same, less what the background keeps covered as it follows: by its distance it goes a part of the way that the silhouette goes. So what is unknown
+    /// is what nobody saw, and hardly more.
+    #[default]
+    Uncovered,
 }
 
 /// How the share of an element in the integral is measured.
@@ -62,11 +65,11 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Exact quads, silhouette trails, analytic weights, a hole ray for every 2 x 2 texels, margins, doubt.
+    /// Exact quads, trails of what is uncovered, analytic weights, a hole ray for every 2 x 2 texels, margins, doubt.
     fn default() -> Self {
         Self {
             coverage: Coverage::Quad,
-            trails: Trails::Silhouettes,
+            trails: Trails::Uncovered,
             weights: AreaWeights::Analytic,
             step: 2,
             margins: true,

@@ -11,7 +11,7 @@ use rooms::{Rays, Scene, uniform};
 fn every_setting() -> Vec<Settings> {
     let mut all = Vec::new();
     for coverage in [Coverage::Quad, Coverage::Rectangle] {
-        for trails in [Trails::Silhouettes, Trails::All] {
+        for trails in [Trails::Uncovered, Trails::Silhouettes, Trails::All] {
             for weights in [AreaWeights::Analytic, AreaWeights::Bits] {
                 for margins in [true, false] {
                     all.push(Settings { coverage, trails, weights, margins, ..Settings::default() });

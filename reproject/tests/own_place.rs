@@ -18,13 +18,13 @@ fn unmerged() -> RecordSettings {
 }
 
 fn every_setting() -> impl Iterator<Item = Settings> {
-    (0..16).map(|k| Settings {
+    (0..24).map(|k| Settings {
         coverage: if k & 1 == 0 { Coverage::Quad } else { Coverage::Rectangle },
-        trails: if k & 2 == 0 { Trails::Silhouettes } else { Trails::All },
-        weights: if k & 4 == 0 { AreaWeights::Analytic } else { AreaWeights::Bits },
+        trails: [Trails::Uncovered, Trails::Silhouettes, Trails::All][k / 8],
+        weights: if k & 2 == 0 { AreaWeights::Analytic } else { AreaWeights::Bits },
         step: 1,
-        margins: k & 8 == 0,
-        doubt: k % 3 > 0,
+        margins: k & 4 == 0,
+        doubt: k % 5 > 0,
     })
 }
 

@@ -162,9 +162,15 @@ impl Task<'_> {
     #[inline(always)]
     fn most_trails(&self) -> usize {
         match self.settings.trails {
-            Trails::Silhouettes => self.elements.outline().len(),
+            Trails::Silhouettes | Trails::Uncovered => self.elements.outline().len(),
             Trails::All => self.elements.len(),
         }
+    }
+
+    /// How far what lies behind a silhouette goes along with it.
+    #[inline(always)]
+    pub(crate) fn behind(&self, share: f32) -> f32 {
+        if self.settings.trails == Trails::Uncovered { share } else { 0.0 }
     }
 
     /// What a silhouette takes of its margin.

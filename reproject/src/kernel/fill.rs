@@ -16,7 +16,7 @@ use crate::{AreaWeights, Coverage, Rows, Trails};
 #[inline(always)]
 pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
     let Board { places, grid } = board;
-    let silhouettes = task.settings.trails == Trails::Silhouettes;
+    let silhouettes = task.settings.trails != Trails::All;
     let by_area = task.settings.weights == AreaWeights::Analytic;
     let (mut small, mut trail) = (0, 0);
     for layer in 0..task.elements.layer_count() {

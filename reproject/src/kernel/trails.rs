@@ -24,7 +24,7 @@ pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
     let mut count = 0;
     // Each is written, and stays if it is counted: no branch, which nobody could predict.
     match task.settings.trails {
-        Trails::Silhouettes => {
+        Trails::Silhouettes | Trails::Uncovered => {
             let outline = task.elements.outline();
             for at in (0..outline.len()).step_by(LANES) {
                 let [x, y, z] =
@@ -58,7 +58,7 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
     let numbers = lanes(&places.trails, at);
     let (mut u, mut v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
     match task.settings.trails {
-        Trails::Silhouettes => {
+        Trails::Silhouettes | Trails::Uncovered => {
             let outline = task.elements.outline();
             let mut now = [([0.0; LANES], [0.0; LANES]); 2];
             for end in 0..2 {
@@ -70,11 +70,12 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
                     (pick(&outline.u[end], numbers), pick(&outline.v[end], numbers))
                 };
             }
-            let margin = pick(&outline.margin, numbers);
+            let (margin, behind) = (pick(&outline.margin, numbers), pick(&outline.behind, numbers));
             for e in 0..LANES {
                 let ends = [[now[0].0[e], now[0].1[e]], [now[1].0[e], now[1].1[e]]];
                 for end in 0..2 {
-                    let before = [u[end][e], v[end][e]];
+                    let before = follow([u[end][e], v[end][e]], ends[end], task.behind(behind[e]));
+                    [u[end][e], v[end][e]] = before;
                     [u[3 - end][e], v[3 - end][e]] = left_behind(before, ends[end], ends, task.margin(margin[e]));
                 }
             }
@@ -94,7 +95,7 @@ pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads
 pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, t: usize) -> [Vec2; 4] {
     let t = usize::from(places.trails[t]);
     match task.settings.trails {
-        Trails::Silhouettes => {
+        Trails::Silhouettes | Trails::Uncovered => {
             let outline = task.elements.outline();
             let numbers = [0, 1].map(|end| usize::from(outline.ends[end][t]));
             let before = [0, 1].map(|end| {
@@ -107,6 +108,7 @@ pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, t: usize) -> [Vec2
                 }
             });
             let now = numbers.map(|number| [places.u[number], places.v[number]]);
+            let before = [0, 1].map(|end| follow(before[end], now[end], task.behind(outline.behind[t])));
             let inner = [0, 1].map(|end| left_behind(before[end], now[end], now, task.margin(outline.margin[t])));
             [before[0], before[1], inner[1], inner[0]].map(Vec2::from)
         }
@@ -117,7 +119,13 @@ pub(super) fn trail_polygon(task: &Task<'_>, places: &Places, t: usize) -> [Vec2
     }
 }
 
-/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from `before` to where that end is `now`, and inwards as
+/// Where what the record saw behind a silhouette has gone, while the silhouette came from `before` to `now`.
+#[inline(always)]
+fn follow(before: [f32; 2], now: [f32; 2], share: f32) -> [f32; 2] {
+    [0, 1].map(|axis| before[axis] + share * (now[axis] - before[axis]))
+}
+
+/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from `before`, or where what was behind it has gone, to where that end is `now`, and inwards as
 /// far as it came that way, but at most by the margin. Nowhere if it went outwards; a side that shrank to nothing leaves all that it swept.
 #[inline(always)]
 fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32) -> [f32; 2] {
