@@ -17,6 +17,7 @@ pub use hemisphere::{
     cosine_hemisphere_to_square, square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf,
     square_to_uniform_hemisphere, square_to_uniform_hemisphere_pdf, uniform_hemisphere_to_square,
 };
+pub use sincos::sin_cos_turn;
 pub use slice::{
     cosine_hemisphere_to_square_slice, square_to_cosine_hemisphere_slice, square_to_uniform_hemisphere_slice,
     uniform_hemisphere_to_square_slice,

@@ -95,7 +95,7 @@ impl EnvironmentLight {
         let (column, x) = self.columns.invert(row, u.x);
         let cosine = self.cosines[row] + (self.cosines[row + 1] - self.cosines[row]) * y;
         let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
-        let (sin_phi, cos_phi) = (TAU * (column as f32 + x) / self.environment.width as f32).sin_cos();
+        let (sin_phi, cos_phi) = hemimap::sin_cos_turn((column as f32 + x) / self.environment.width as f32);
         Vec3A::new(sine * sin_phi, cosine, -sine * cos_phi)
     }
 

@@ -10,7 +10,7 @@
 //! Walter, Marschner, Li, Torrance 2007: Microfacet Models for Refraction through Rough Surfaces (D and G1). Dupuy, Benyoub 2023:
 //! Sampling Visible GGX Normals with Spherical Caps.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3A};
 
@@ -47,7 +47,7 @@ pub(super) fn pdf(alpha: f32, wo: Vec3A, h: Vec3A) -> f32 {
 pub(super) fn sample(alpha: f32, wo: Vec3A, u: Vec2) -> Vec3A {
     // In the space where the microfacets form a sphere, visible normals are half way between wo and the points of a cap.
     let stretched = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
-    let (sin_phi, cos_phi) = (TAU * u.x).sin_cos();
+    let (sin_phi, cos_phi) = hemimap::sin_cos_turn(u.x);
     let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
     let r = (1.0 - z * z).max(0.0).sqrt();
     let h = Vec3A::new(r * cos_phi, r * sin_phi, z) + stretched;
