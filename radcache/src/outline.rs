@@ -54,7 +54,7 @@ impl Outline {
         let texels = elements.start.iter().zip(&elements.size).take(elements.len());
         let end =
             |axis: usize| texels.clone().map(move |(start, size)| usize::from(start[axis]) + usize::from(size[axis]));
-        let columns = end(0).chain(end(1)).max().unwrap_or(1);
+        let columns = end(0).chain(end(1)).max().unwrap_or(1).max(1);
         let n = columns as f32;
         let owners = owners(elements, columns);
         outline.layer_starts.push(0);
@@ -158,7 +158,7 @@ fn distance(elements: &Elements, e: usize, towards: Vec3A) -> f32 {
     let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
     let distances = corners.map(Vec3A::length);
     let [nearest, farthest] = [f32::min, f32::max].map(|choose| distances.into_iter().reduce(choose).expect("four"));
-    plane_distance(corners[0], normal, towards.normalize_or_zero()).clamp(nearest, farthest)
+    plane_distance(corners[0], normal, towards.normalize_or_zero()).max(nearest).min(farthest)
 }
 
 fn number(corner: usize) -> u16 {
