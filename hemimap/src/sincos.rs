@@ -31,7 +31,7 @@ pub(crate) fn sin_cos_eighth_turn(t: f32) -> (f32, f32) {
 /// Returns (sin, cos) of an angle given in whole turns, which is how a uniform number chooses an azimuth.
 ///
 /// No function of the platform is called, so that all systems have the same bits. Each is within 1.2e-7 of the exact value for turns in [-1, 1]; beyond, the rounding of
-/// the angle itself is more, and from 2^20 turns on neither means anything.
+/// the angle itself is more, and from 2^20 turns on neither means anything. What is not finite gives NaN.
 ///
 /// ```
 /// let (sin, cos) = hemimap::sin_cos_turn(0.25);

@@ -67,7 +67,8 @@ pub struct Study {
     pub divide: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
-    /// Whether a trail ends at what lies behind its silhouette, which covers a part of it as it follows, or is as long as the silhouette's way.
+    /// Whether a trail ends at what lies behind its silhouette, which covers a part of it as it follows, or is as long as the silhouette's way. Of no effect where all elements leave
+    /// trails.
     pub follow: Option<bool>,
     /// Whether the last texel inside a silhouette that retreats is unknown.
     pub margins: Option<bool>,

@@ -200,6 +200,15 @@ mod tests {
         assert!(wrong(|r| r.samples.radiance[3].x = f32::INFINITY).contains("texel"));
         assert!(wrong(|r| r.elements.start[0] = [60, 0]).contains("outside"));
         assert!(wrong(|r| r.elements.start[0] = r.elements.start[1]).contains("cover"));
+        assert!(wrong(|r| r.elements.size.fill([0; 2])).contains("cover"));
+        assert!(
+            wrong(|r| {
+                r.elements.start.fill([0; 2]);
+                r.elements.size.fill([0; 2]);
+            })
+            .contains("cover")
+        );
+        assert!(wrong(|r| r.elements.x.fill(f32::NAN)).contains("not finite"));
         assert!(wrong(|r| r.elements.finite[0] = 0.5).contains("infinity"));
         assert!(wrong(|r| r.samples.normal[2].x = f32::NAN).contains("texel"));
         assert!(wrong(|r| r.samples.jitter[2].x = 7.0).contains("texel"));

@@ -40,7 +40,7 @@ pub struct Outline {
     /// texels the background takes, or is of no use elsewhere.
     pub margin: Vec<f32>,
     /// How far what lies behind a side moves when the point does, as a share of how far the side itself moves: the ratio of their distances, the least along the
-    /// side; 0 before the surroundings.
+    /// side; 0 before the surroundings, and where nothing beside the side is farther.
     pub behind: Vec<f32>,
     /// Start of each layer, and the number of sides at the end.
     layer_starts: Vec<u16>,
@@ -54,7 +54,7 @@ impl Outline {
         let texels = elements.start.iter().zip(&elements.size).take(elements.len());
         let end =
             |axis: usize| texels.clone().map(move |(start, size)| usize::from(start[axis]) + usize::from(size[axis]));
-        let columns = end(0).chain(end(1)).max().unwrap_or(1).max(1);
+        let columns = end(0).chain(end(1)).fold(1, usize::max);
         let n = columns as f32;
         let owners = owners(elements, columns);
         outline.layer_starts.push(0);
@@ -158,6 +158,7 @@ fn distance(elements: &Elements, e: usize, towards: Vec3A) -> f32 {
     let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
     let distances = corners.map(Vec3A::length);
     let [nearest, farthest] = [f32::min, f32::max].map(|choose| distances.into_iter().reduce(choose).expect("four"));
+    // Not by `clamp`, which panics on bounds that are no numbers: what is read is checked only after the outline is found.
     plane_distance(corners[0], normal, towards.normalize_or_zero()).max(nearest).min(farthest)
 }
 

@@ -256,7 +256,13 @@ fn elements_in_odd_places() {
     let sane = |look: &dyn Fn(Vec3A, Vec3A) -> rooms::Seen, p: Vec3A, normal: Vec3A| {
         let record = record_in(look, Vec3A::ZERO, FRAME, n, &RecordSettings::default());
         let mut workspace = Workspace::new();
-        for (trails, margins) in [(Trails::Uncovered, true), (Trails::Uncovered, false), (Trails::All, true)] {
+        for (trails, margins) in [
+            (Trails::Uncovered, true),
+            (Trails::Uncovered, false),
+            (Trails::Silhouettes, true),
+            (Trails::Silhouettes, false),
+            (Trails::All, true),
+        ] {
             let shares = workspace.project(&record, p, normal, &Settings { trails, margins, ..settings });
             assert!(
                 (shares.filled + shares.holes - 1.0).abs() < 1e-6 && shares.unknown <= shares.holes + 1e-6,

@@ -3,7 +3,7 @@
 //! A silhouette that retreats leaves what it uncovers, and a margin besides. It lies somewhere in a texel, and whether that texel belongs to the near or to the far
 //! surface is what one ray there met. Where the surface then retreats, new rays find what it really left free beyond its side, but if it had been given too
 //! much, nobody would look for that: it would keep a sixth of a texel too much on the average. So what the side has just left behind it is unknown as far
-//! inside as it moved, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette that advances covers its trail itself.
+//! inside as the trail is wide, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette that advances covers its trail itself.
 
 #![expect(clippy::cast_possible_truncation, reason = "at most 4 x 64 x 64 sides")]
 #![expect(clippy::needless_range_loop, reason = "one index for many arrays")]
@@ -125,8 +125,8 @@ fn follow(before: [f32; 2], now: [f32; 2], share: f32) -> [f32; 2] {
     [0, 1].map(|axis| before[axis] + share * (now[axis] - before[axis]))
 }
 
-/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from `before`, or where what was behind it has gone, to where that end is `now`, and inwards as
-/// far as it came that way, but at most by the margin. Nowhere if it went outwards; a side that shrank to nothing leaves all that it swept.
+/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from where the trail starts, `before`, to where that end is
+/// `now`, and inwards as far as that is, but at most by the margin. Nowhere if it went outwards; a side that shrank to nothing leaves all from its start on.
 #[inline(always)]
 fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32) -> [f32; 2] {
     /// So that no division needs a branch.

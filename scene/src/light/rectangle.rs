@@ -29,8 +29,8 @@ pub(crate) struct RectangleLight {
     pub(super) primitive: u32,
 }
 
-/// The rectangle is far if the squares of its distances differ by at most this factor. By area, the density per solid angle is as the cube of the distance over the
-/// cosine at the lamp; by solid angle there is a little less noise, for a sixth more time in a scene whose light is mostly direct.
+/// The rectangle is far if the squares of its distances differ by at most this factor. By area, the density per solid angle is as the cube of the
+/// distance; by solid angle there is a little less noise, for a fifth more time of direct light in a scene that is mostly lit by it.
 const FAR_RATIO_SQ: f32 = 4.0;
 
 /// Slivers of a smaller solid angle are sampled by area: the angle of the product that gives it would lose its digits in f64.
