@@ -184,6 +184,11 @@ mod tests {
         Elements::new(&samples, 4, &MergeSettings::default())
     }
 
+    /// The element of a corner and which of its corners it is.
+    fn corner(elements: &Elements, number: u16) -> (usize, usize) {
+        (usize::from(number) % elements.padded_len(), usize::from(number) / elements.padded_len())
+    }
+
     #[test]
     fn holds_every_silhouette_in_the_order_of_elements() {
         let elements = disc(16);
@@ -208,42 +213,48 @@ mod tests {
 
     #[test]
     fn what_lies_behind_follows_by_its_distance() {
-        let n = 32;
-        // A near half-plane x < 0.3 before a far plane that leans, and that before the sky.
-        let samples = Samples::from_fn(n, |wi| {
-            let (near, far) = (1.0 / wi.z, 4.0 / (wi.z - 0.5 * wi.x));
-            if wi.x * near < 0.3 {
-                (Vec3::X, near, Vec3A::NEG_Z)
-            } else if wi.x < 0.6 {
-                (Vec3::Y, far, Vec3A::new(0.5, 0.0, -1.0).normalize())
-            } else {
-                (Vec3::Z, f32::INFINITY, -wi)
-            }
-        });
-        let elements = Elements::new(&samples, 16, &MergeSettings::default());
-        let outline = elements.outline();
-        let mut found = [0; 2];
-        for side in 0..outline.len() {
-            let e = usize::from(outline.ends[0][side]) % elements.padded_len();
-            if elements.radiance[0][e] == 0.0 {
-                assert_eq!(outline.behind[side], 0.0, "the sky does not move");
-                found[0] += 1;
-            } else {
-                // The directions of both ends, where planes are 1 and 4 away.
-                let ends = [0, 1].map(|end| {
-                    let number = usize::from(outline.ends[end][side]);
-                    elements.corner(number % elements.padded_len(), number / elements.padded_len()).normalize()
-                });
-                // Where planes are seen flatly, corners are held back.
-                if ends.iter().any(|wi| wi.z < 0.5) {
+        // A quarter turn brings each side of the elements to the edge.
+        let turns: [fn(Vec3A) -> [f32; 2]; 4] = [|w| [w.x, w.y], |w| [w.y, -w.x], |w| [-w.x, -w.y], |w| [-w.y, w.x]];
+        for (turn, to_edge) in turns.into_iter().enumerate() {
+            // A near half-plane before a far plane that leans towards its edge, and that before the sky.
+            let samples = Samples::from_fn(32, |wi| {
+                let across = to_edge(wi)[0];
+                let (near, far) = (1.0 / wi.z, 4.0 / (wi.z - 0.5 * across));
+                if across * near < 0.3 {
+                    (Vec3::X, near, Vec3A::NEG_Z)
+                } else if across < 0.6 {
+                    let towards_edge = Vec3A::from_array(std::array::from_fn(|axis| to_edge(Vec3A::AXES[axis])[0]));
+                    (Vec3::Y, far, (0.5 * towards_edge - Vec3A::Z).normalize())
+                } else {
+                    (Vec3::Z, f32::INFINITY, -wi)
+                }
+            });
+            let elements = Elements::new(&samples, 16, &MergeSettings::default());
+            let outline = elements.outline();
+            let mut found = [0; 2];
+            for side in 0..outline.len() {
+                let (e, k) = corner(&elements, outline.ends[0][side]);
+                if elements.radiance[0][e] == 0.0 {
+                    assert_eq!(outline.behind[side], 0.0, "the sky does not move");
+                    found[0] += 1;
                     continue;
                 }
-                let least = ends.map(|wi| (wi.z - 0.5 * wi.x) / (4.0 * wi.z)).into_iter().fold(1.0, f32::min);
-                assert!((outline.behind[side] / least - 1.0).abs() < 0.1, "{} for {least}", outline.behind[side]);
-                found[1] += 1;
+                // The directions of both ends, where planes are 1 and 4 away.
+                let ends = [0, 1].map(|end| {
+                    let (e, k) = corner(&elements, outline.ends[end][side]);
+                    elements.corner(e, k).normalize()
+                });
+                // Where planes are seen flatly, corners are held back.
+                if ends.iter().all(|wi| wi.z >= 0.5) {
+                    let least =
+                        ends.map(|wi| (wi.z - 0.5 * to_edge(wi)[0]) / (4.0 * wi.z)).into_iter().fold(1.0, f32::min);
+                    let behind = outline.behind[side];
+                    assert!((behind / least - 1.0).abs() < 0.1, "turn {turn}, side {k}: {behind} for {least}");
+                    found[1] += usize::from(k == [1, 2, 3, 0][turn]);
+                }
             }
+            assert!(found[0] > 5 && found[1] > 3, "turn {turn}: both kinds of silhouette: {found:?}");
         }
-        assert!(found[0] > 5 && found[1] > 5, "both kinds of silhouette: {found:?}");
     }
 
     #[test]

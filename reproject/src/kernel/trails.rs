@@ -126,19 +126,19 @@ fn follow(before: [f32; 2], now: [f32; 2], share: f32) -> [f32; 2] {
 }
 
 /// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from where the trail starts, `before`, to where that end is
-/// `now`, and inwards as far as that is, but at most by the margin. Nowhere if it went outwards; a side that shrank to nothing leaves all from its start on.
+/// `now`, and as far again on the same line, but at most by the margin: sides that meet there agree, and leave no gap between their trails. Nowhere if it went
+/// outwards; a side that shrank to nothing leaves all from its start on.
 #[inline(always)]
 fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32) -> [f32; 2] {
     /// So that no division needs a branch.
     const TINY: f32 = 1e-30;
     let [x, y] = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
-    let length_sq = max(x * x + y * y, TINY);
+    let way = [now[0] - before[0], now[1] - before[1]];
     // The way inwards, times the length of the side.
-    let moved = x * (now[1] - before[1]) - y * (now[0] - before[0]);
-    let more = min(moved, margin * length_sq.sqrt()) / length_sq;
-    let inner = [now[0] - more * y, now[1] + more * x];
-    let outer = if length_sq > TINY { before } else { now };
-    let end = |axis: usize| if moved > 0.0 { min(max(inner[axis], 0.0), 1.0) } else { outer[axis] };
+    let moved = x * way[1] - y * way[0];
+    let more = min(1.0, margin / max(way[0] * way[0] + way[1] * way[1], TINY).sqrt());
+    let outer = if x * x + y * y > TINY { before } else { now };
+    let end = |axis: usize| if moved > 0.0 { min(max(now[axis] + more * way[axis], 0.0), 1.0) } else { outer[axis] };
     [end(0), end(1)]
 }
 
