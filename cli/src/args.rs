@@ -154,6 +154,8 @@ impl FromStr for Output {
 
 #[cfg(test)]
 mod tests {
+    use integrator::Trails;
+
     use super::*;
 
     #[test]
@@ -187,7 +189,7 @@ mod tests {
     fn settings_for_study() {
         let set: Vec<_> = ["layers=8", "layers=32", "trail=all"].map(|text| study(text).unwrap()).to_vec();
         let all = all_studies(&set);
-        assert_eq!((all.layers, all.all_trails), (Some(32), Some(true)), "the last of a name counts");
+        assert_eq!((all.layers, all.trails), (Some(32), Some(Trails::All)), "the last of a name counts");
         for text in ["layers", "layers=", "speed=2", "trail=some"] {
             assert!(study(text).is_err(), "{text:?}");
         }
@@ -197,8 +199,8 @@ mod tests {
     fn variants_are_methods_with_settings() {
         let found = variant("reproject+coverage=rect+trail=all").unwrap();
         assert_eq!(
-            (found.method, found.study.rectangles, found.study.all_trails),
-            (Method::Reproject, Some(true), Some(true)),
+            (found.method, found.study.rectangles, found.study.trails),
+            (Method::Reproject, Some(true), Some(Trails::All)),
             "as written"
         );
         assert_eq!(variant("path").unwrap().study, Study::default(), "no settings");

@@ -33,7 +33,7 @@ pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};
 pub use render::{Rendering, render, render_with};
-pub use reproject::{Shares, Verdict};
+pub use reproject::{Shares, Trails, Verdict};
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};

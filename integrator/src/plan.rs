@@ -151,7 +151,7 @@ impl Plan {
             highlights: study.highlights != Some(false),
             reproject: reproject::Settings {
                 coverage: study.coverage(),
-                trails: study.trails(),
+                trails: study.trails.unwrap_or_default(),
                 weights: study.weights(),
                 // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
                 step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),

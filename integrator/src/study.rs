@@ -49,8 +49,8 @@ pub struct Study {
     pub photons: Option<u32>,
     /// Whether elements cover the rectangle around their corners, as in the paper, or their quadrilateral.
     pub rectangles: Option<bool>,
-    /// Whether all elements leave trails, as in the paper, or only silhouettes that retreat.
-    pub all_trails: Option<bool>,
+    /// What leaves trails, and how long ones; all elements do in the paper.
+    pub trails: Option<Trails>,
     /// Whether shares are counted in bits or measured as areas.
     pub count_bits: Option<bool>,
     /// Whether records of irradiance reach a share of the harmonic mean distance (Ward 1988), or as far as the Hessian says.
@@ -67,9 +67,6 @@ pub struct Study {
     pub divide: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
-    /// Whether a trail ends at what lies behind its silhouette, which covers a part of it as it follows, or is as long as the silhouette's way. Of no effect where all elements leave
-    /// trails.
-    pub follow: Option<bool>,
     /// Whether the last texel inside a silhouette that retreats is unknown.
     pub margins: Option<bool>,
     /// Whether a point below the tangent plane of a record doubts what the record could not see.
@@ -86,7 +83,7 @@ pub struct Study {
 pub enum StudyError {
     /// No setting of this name.
     #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, sides, depth, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, follow, margins, doubt, samples, secondary"
+        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, sides, depth, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, margins, doubt, samples, secondary"
     )]
     Unknown(String),
     /// A value that is not among those of the setting.
@@ -133,7 +130,11 @@ impl Study {
             "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
             "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
             "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
-            "trail" => self.all_trails = Some(choice(name, value, [("all", true), ("silhouettes", false)])?),
+            "trail" => {
+                let known =
+                    [("all", Trails::All), ("silhouettes", Trails::Silhouettes), ("uncovered", Trails::Uncovered)];
+                self.trails = Some(choice(name, value, known)?);
+            }
             "weights" => self.count_bits = Some(choice(name, value, [("bits", true), ("areas", false)])?),
             "reach" => self.by_distance = Some(choice(name, value, [("distance", true), ("hessian", false)])?),
             "gradients" => self.gradients = Some(switch(name, value)?),
@@ -142,7 +143,6 @@ impl Study {
             "limit" => self.limit = Some(switch(name, value)?),
             "divide" => self.divide = Some(switch(name, value)?),
             "highlights" => self.highlights = Some(switch(name, value)?),
-            "follow" => self.follow = Some(switch(name, value)?),
             "margins" => self.margins = Some(switch(name, value)?),
             "doubt" => self.doubt = Some(switch(name, value)?),
             "samples" => self.even_samples = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
@@ -169,15 +169,6 @@ impl Study {
     /// What an element covers.
     pub(crate) fn coverage(&self) -> Coverage {
         if self.rectangles == Some(true) { Coverage::Rectangle } else { Coverage::Quad }
-    }
-
-    /// Who leaves trails.
-    pub(crate) fn trails(&self) -> Trails {
-        match (self.all_trails, self.follow) {
-            (Some(true), _) => Trails::All,
-            (_, Some(false)) => Trails::Silhouettes,
-            _ => Trails::Uncovered,
-        }
     }
 
     /// How shares are measured.
@@ -245,7 +236,7 @@ mod tests {
             ("limit", "off"),
             ("divide", "off"),
             ("highlights", "off"),
-            ("follow", "off"),
+            ("trail", "silhouettes"),
             ("margins", "off"),
             ("doubt", "off"),
             ("samples", "even"),

@@ -3,6 +3,7 @@
 use glam::{Mat3A, Vec3, Vec3A};
 use hemimap::Frame;
 use radcache::{Elements, Record};
+use serde::{Deserialize, Serialize};
 
 use crate::holes::Hole;
 use crate::horizon::TexelCentres;
@@ -22,7 +23,8 @@ pub enum Coverage {
 }
 
 /// Which elements leave a trail in which something unknown may have come into view.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Trails {
     /// All: the rectangle that encloses the old and the new place, as the paper has it. Flags far too much: a floor that runs
     /// through several layers sweeps over itself.
