@@ -214,16 +214,15 @@ mod tests {
     #[test]
     fn what_lies_behind_follows_by_its_distance() {
         // A quarter turn brings each side of the elements to the edge.
-        let turns: [fn(Vec3A) -> [f32; 2]; 4] = [|w| [w.x, w.y], |w| [w.y, -w.x], |w| [-w.x, -w.y], |w| [-w.y, w.x]];
-        for (turn, to_edge) in turns.into_iter().enumerate() {
+        let turns: [fn(Vec3A) -> f32; 4] = [|wi| wi.x, |wi| wi.y, |wi| -wi.x, |wi| -wi.y];
+        for (turn, across) in turns.into_iter().enumerate() {
             // A near half-plane before a far plane that leans towards its edge, and that before the sky.
             let samples = Samples::from_fn(32, |wi| {
-                let across = to_edge(wi)[0];
-                let (near, far) = (1.0 / wi.z, 4.0 / (wi.z - 0.5 * across));
-                if across * near < 0.3 {
+                let (near, far) = (1.0 / wi.z, 4.0 / (wi.z - 0.5 * across(wi)));
+                if across(wi) * near < 0.3 {
                     (Vec3::X, near, Vec3A::NEG_Z)
-                } else if across < 0.6 {
-                    let towards_edge = Vec3A::from_array(std::array::from_fn(|axis| to_edge(Vec3A::AXES[axis])[0]));
+                } else if across(wi) < 0.6 {
+                    let towards_edge = Vec3A::from_array(Vec3A::AXES.map(across));
                     (Vec3::Y, far, (0.5 * towards_edge - Vec3A::Z).normalize())
                 } else {
                     (Vec3::Z, f32::INFINITY, -wi)
@@ -246,8 +245,7 @@ mod tests {
                 });
                 // Where planes are seen flatly, corners are held back.
                 if ends.iter().all(|wi| wi.z >= 0.5) {
-                    let least =
-                        ends.map(|wi| (wi.z - 0.5 * to_edge(wi)[0]) / (4.0 * wi.z)).into_iter().fold(1.0, f32::min);
+                    let least = ends.map(|wi| (wi.z - 0.5 * across(wi)) / (4.0 * wi.z)).into_iter().fold(1.0, f32::min);
                     let behind = outline.behind[side];
                     assert!((behind / least - 1.0).abs() < 0.1, "turn {turn}, side {k}: {behind} for {least}");
                     found[1] += usize::from(k == [1, 2, 3, 0][turn]);
