@@ -13,10 +13,15 @@
 //! which for a share q of useful photons is sqrt(q). A small part of a useful pilot is added to each cell: so a cell that few pilots tried is tried again.
 //! A share of all photons goes everywhere alike, so no density is 0 and every estimate stays unbiased.
 //!
+//! The photons of a cell follow each other, as many as their share is but for rounding, and their numbers are a low-discrepancy set of their own: were cells
+//! chosen at random, what lands in one place would be as uneven as unrelated numbers are.
+//!
 //! # Source
 //!
 //! The idea of splitting the space of random numbers: Thomas Müller, Markus Gross, Jan Novák, *Practical Path Guiding for Efficient
 //! Light-Transport Simulation*, 2017; here with an even simpler rule and for emission alone.
+
+use crate::{Rng, Sampler, hash_pair};
 
 /// Numbers that make a photon: the light, position (2) and direction (2).
 pub(super) const DIMENSIONS: usize = 5;
@@ -31,6 +36,9 @@ const UNEVEN: f64 = 24.3;
 const MIN_PILOTS: f64 = 16.0;
 /// The part of a useful pilot that is added to each cell.
 const PRIOR: f64 = 1.0 / 256.0;
+/// Keeps the numbers by which photons are dealt apart from those by which they go on, and the one that all have in common from those.
+const JITTER: u64 = 0x006a_6974_7465_7220;
+const SHIFT: u64 = u64::MAX;
 /// Cells are split at most so often: 2^-40 of the cube is less than any light needs.
 const MAX_DEPTH: u32 = 40;
 
@@ -58,7 +66,16 @@ struct Cell {
 pub(super) struct Guide {
     cells: Vec<Cell>,
     /// Running sum of the probabilities of the cells.
-    cumulative: Vec<f32>,
+    cumulative: Vec<f64>,
+}
+
+/// A given number of photons, dealt to the cells of a guide.
+pub(super) struct Aim<'a> {
+    guide: &'a Guide,
+    /// The number of the first photon behind those of each cell.
+    ends: Vec<u32>,
+    seed: u64,
+    jitter_seed: u64,
 }
 
 const WHOLE: Cell = Cell { min: [0.0; DIMENSIONS], size: [1.0; DIMENSIONS], density: 1.0 };
@@ -85,18 +102,24 @@ impl Guide {
         for cell in &mut guide.cells {
             cell.density = DEFENSIVE_SHARE + (1.0 - DEFENSIVE_SHARE) * single(f64::from(cell.density) / total);
             sum += f64::from(cell.density) * volume(cell);
-            guide.cumulative.push(single(sum));
+            guide.cumulative.push(sum);
         }
         guide
     }
 
-    /// Chooses numbers; returns them with their density. `u_cell` and `u` are uniform.
-    pub(super) fn sample(&self, u_cell: f32, u: [f32; DIMENSIONS]) -> ([f32; DIMENSIONS], f32) {
-        let index = self.cumulative.partition_point(|&sum| sum <= u_cell).min(self.cells.len() - 1);
-        let cell = &self.cells[index];
-        // Rounding must not reach 1, nor leave the cell.
-        let place = |d: usize| (cell.min[d] + u[d] * cell.size[d]).min((cell.min[d] + cell.size[d]).next_down());
-        (std::array::from_fn(place), cell.density)
+    /// Deals `count` photons to the cells; another seed gives other numbers.
+    pub(super) fn aim(&self, count: u32, seed: u64) -> Aim<'_> {
+        // All are moved by the same part of one, so that each cell has in expectation what it should have.
+        let jitter_seed = hash_pair(seed, JITTER);
+        let shift = f64::from(Rng::new(jitter_seed, SHIFT).next_1d());
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to count")]
+        let mut ends: Vec<u32> =
+            self.cumulative.iter().map(|sum| (sum * f64::from(count) + shift).min(f64::from(count)) as u32).collect();
+        // The sum may be 1 but for rounding.
+        if let Some(end) = ends.last_mut() {
+            *end = count;
+        }
+        Aim { guide: self, ends, seed, jitter_seed }
     }
 
     /// Splits a cell until its pilots are spread evenly or are too few to tell. The density is not yet scaled.
@@ -120,6 +143,25 @@ impl Guide {
             let prior = PRIOR * learning.mean_sq / (pilots.len() as f64 + PRIOR);
             self.cells.push(Cell { density: single((found + prior).sqrt()), ..cell });
         }
+    }
+}
+
+impl Aim<'_> {
+    /// Returns the five numbers of photon number `index`, and their density.
+    pub(super) fn numbers(&self, index: u32) -> ([f32; DIMENSIONS], f32) {
+        let number = self.ends.partition_point(|&end| end <= index);
+        let (start, end) = (number.checked_sub(1).map_or(0, |before| self.ends[before]), self.ends[number]);
+        let place = index - start;
+        // The first two are stratified best, which counts most for directions: lamps are mostly small.
+        let [z, w, x, y] = Sampler::new(self.seed, number as u64, place).next_4d();
+        // In order: with the other four, five dimensions are stratified together (Hammersley's set).
+        let jitter = f64::from(Rng::new(self.jitter_seed, u64::from(index)).next_1d());
+        let choice = single((f64::from(place) + jitter) / f64::from(end - start));
+        let cell = &self.guide.cells[number];
+        let within = [choice, x, y, z, w];
+        // Rounding must not reach 1, nor leave the cell.
+        let at = |d: usize| (cell.min[d] + within[d] * cell.size[d]).min((cell.min[d] + cell.size[d]).next_down());
+        (std::array::from_fn(at), cell.density)
     }
 }
 
@@ -175,12 +217,11 @@ const fn single(x: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Rng;
 
     fn pilots(guide: &Guide, count: u32, useful: impl Fn(&[f32; DIMENSIONS]) -> bool) -> Vec<Pilot> {
-        let mut rng = Rng::new(1, 0);
-        let pilot = |_| {
-            let (u, density) = guide.sample(rng.next_1d(), std::array::from_fn(|_| rng.next_1d()));
+        let aim = guide.aim(count, 1);
+        let pilot = |index| {
+            let (u, density) = aim.numbers(index);
             Pilot { u, density, score: f64::from(u8::from(useful(&u))) / f64::from(density) }
         };
         (0..count).map(pilot).collect()
@@ -193,10 +234,10 @@ mod tests {
 
     /// Returns the share of useful samples, and the mean of 1 / density over all and over the useful ones.
     fn statistics(guide: &Guide, useful: impl Fn(&[f32; DIMENSIONS]) -> bool) -> (f64, f64, f64) {
-        let mut rng = Rng::new(2, 0);
+        let aim = guide.aim(200_000, 2);
         let (mut share, mut volume, mut useful_volume) = (0.0, 0.0, 0.0);
-        for _ in 0..200_000 {
-            let (u, density) = guide.sample(rng.next_1d(), std::array::from_fn(|_| rng.next_1d()));
+        for index in 0..200_000 {
+            let (u, density) = aim.numbers(index);
             assert!(u.iter().all(|x| (0.0..1.0).contains(x)), "in the cube: {u:?}");
             let hit = f64::from(u8::from(useful(&u)));
             share += hit / 2e5;
@@ -204,6 +245,31 @@ mod tests {
             useful_volume += hit / f64::from(density) / 2e5;
         }
         (share, volume, useful_volume)
+    }
+
+    #[test]
+    fn photons_of_a_cell_are_stratified_and_as_many_as_it_should_have() {
+        let guide = learned(50_000, |u| u[3] < 0.25 && u[4] > 0.5);
+        let aim = guide.aim(100_000, 3);
+        let mut start = 0;
+        for (cell, &end) in guide.cells.iter().zip(&aim.ends) {
+            let share = f64::from(cell.density) * volume(cell) * 1e5;
+            assert!((f64::from(end - start) - share).abs() < 1.01, "{} photons of {share}", end - start);
+            // Of 256 directions from a multiple of 256 on each of 16 x 16 places has one.
+            for first in (start..end).step_by(256).filter(|first| end - first >= 256) {
+                let mut places = [[0; 16]; 16];
+                for index in first..first + 256 {
+                    let (u, density) = aim.numbers(index);
+                    assert_eq!(density, cell.density);
+                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place in [0, 16)")]
+                    let place = |d: usize| ((u[d] - cell.min[d]) / cell.size[d] * 16.0) as usize;
+                    places[place(3).min(15)][place(4).min(15)] += 1;
+                }
+                assert_eq!(places, [[1; 16]; 16], "from {first} on");
+            }
+            start = end;
+        }
+        assert_eq!(start, 100_000, "all are dealt");
     }
 
     #[test]

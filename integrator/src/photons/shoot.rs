@@ -20,8 +20,8 @@ use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 use serde::{Deserialize, Serialize};
 
-use super::guide::{DIMENSIONS, Guide, Pilot};
-use crate::{Rng, Sampler, hash_pair};
+use super::guide::{Aim, DIMENSIONS, Guide, Pilot};
+use crate::{Rng, hash_pair};
 
 /// Photons of one task.
 const BLOCK: u32 = 4096;
@@ -119,13 +119,14 @@ pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
         return Shot::default();
     }
     let (guide, pilot_rays) = aim(scene, kind, seed);
+    let seed = hash_pair(seed, 0);
+    let aim = guide.aim(count, seed);
     let scale = 1.0 / count as f32;
     let shots = blocks(count, |indices| {
         let mut shot = Shot::default();
         for index in indices {
-            let mut source = Source::new(hash_pair(seed, 0), index);
-            if let Some(Start { ray, flux, .. }) = source.emit(scene, &guide, scale) {
-                let kept = shot.follow(scene, kind, ray, flux, &mut source.rng);
+            if let Some(Start { ray, flux, .. }) = emit(scene, &aim, index, scale) {
+                let kept = shot.follow(scene, kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
                 shot.useful += u64::from(kept > 0);
             }
         }
@@ -149,7 +150,8 @@ fn aim(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
         let mut pilots = Vec::new();
         for repeat in 0..MAX_REPEATS {
             let stream = hash_pair(seed, hash_pair(round, repeat));
-            for (found, traced) in blocks(PILOTS, |indices| pilot_block(scene, kind, &guide, stream, indices)) {
+            let aim = guide.aim(PILOTS, stream);
+            for (found, traced) in blocks(PILOTS, |indices| pilot_block(scene, kind, &aim, stream, indices)) {
                 pilots.extend(found);
                 rays += traced;
             }
@@ -171,13 +173,12 @@ fn useful(pilots: &[Pilot]) -> usize {
 }
 
 /// Shoots pilots; returns them and the number of rays.
-fn pilot_block(scene: &Scene, kind: Kind, guide: &Guide, seed: u64, indices: Range<u32>) -> (Vec<Pilot>, u64) {
+fn pilot_block(scene: &Scene, kind: Kind, aim: &Aim<'_>, seed: u64, indices: Range<u32>) -> (Vec<Pilot>, u64) {
     let mut shot = Shot::default();
     let mut pilots = Vec::new();
     for index in indices {
-        let mut source = Source::new(seed, index);
-        if let Some(Start { u, density, ray, flux }) = source.emit(scene, guide, 1.0) {
-            let kept = shot.follow(scene, kind, ray, flux, &mut source.rng);
+        if let Some(Start { u, density, ray, flux }) = emit(scene, aim, index, 1.0) {
+            let kept = shot.follow(scene, kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
             pilots.push(Pilot { u, density, score: f64::from(flux.max_element()) * f64::from(kept) });
         }
     }
@@ -192,12 +193,6 @@ fn blocks<T: Send>(count: u32, work: impl Fn(Range<u32>) -> T + Sync) -> Vec<T> 
         .collect()
 }
 
-/// The random numbers of one photon: a low-discrepancy point for its start, unrelated ones for its way.
-struct Source {
-    start: Sampler,
-    rng: Rng,
-}
-
 /// A photon about to leave its light.
 struct Start {
     /// The numbers that made it.
@@ -208,22 +203,14 @@ struct Start {
     flux: Vec3,
 }
 
-impl Source {
-    fn new(seed: u64, index: u32) -> Self {
-        Self { start: Sampler::new(seed, 0, index), rng: Rng::new(seed, u64::from(index)) }
-    }
-
-    /// Starts the photon, its flux times `scale`.
-    fn emit(&mut self, scene: &Scene, guide: &Guide, scale: f32) -> Option<Start> {
-        let [choice, cell, x, y] = self.start.next_4d();
-        let [z, w, ..] = self.start.next_4d();
-        let (u, density) = guide.sample(cell, [choice, x, y, z, w]);
-        let [choice, x, y, z, w] = u;
-        let emission = scene.lights().emit(choice, Vec2::new(x, y), Vec2::new(z, w))?;
-        let flux = emission.flux * (scale / density);
-        let ray = Ray { media: scene.media_at(emission.ray.origin), ..emission.ray };
-        (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray, flux })
-    }
+/// Starts photon number `index`, its flux times `scale`.
+fn emit(scene: &Scene, aim: &Aim<'_>, index: u32, scale: f32) -> Option<Start> {
+    let (u, density) = aim.numbers(index);
+    let [choice, x, y, z, w] = u;
+    let emission = scene.lights().emit(choice, Vec2::new(x, y), Vec2::new(z, w))?;
+    let flux = emission.flux * (scale / density);
+    let ray = Ray { media: scene.media_at(emission.ray.origin), ..emission.ray };
+    (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray, flux })
 }
 
 impl Shot {
