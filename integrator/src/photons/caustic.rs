@@ -14,15 +14,16 @@
 //! the distance to the k-th neighbour; the kernel is Epanechnikov's.
 
 use std::f32::consts::PI;
+use std::ops::Range;
 
-use glam::{Vec3, Vec3A};
-use kiddo::ImmutableKdTree;
-
-use super::map::{Irradiance, SAME_NORMAL, SAME_PLANE, nearest, tree};
+use super::map::{Irradiance, SAME_NORMAL, SAME_PLANE};
 use super::shoot::Photons;
+use glam::{Vec3, Vec3A};
 
 /// The limit of a disc's radius, in medians: most photons are in a focus, and those far from it must not become specks.
 const RADIUS_LIMIT: f32 = 64.0;
+/// A search keeps at most so many times the neighbours that it is for, and a leaf.
+const MANY: usize = 3;
 /// Discs in a leaf of the tree.
 const LEAF: usize = 8;
 
@@ -58,7 +59,9 @@ impl CausticMap {
     /// Builds the map of estimates by about `neighbours` photons within `max_radius`, or within a limit taken from the photons' density. `None` where
     /// there is no photon.
     pub(super) fn new(photons: &Photons, neighbours: u32, max_radius: Option<f32>) -> Option<Self> {
-        let tree = tree(&photons.positions)?;
+        if photons.len() == 0 {
+            return None;
+        }
         let mut discs: Vec<Disc> = (0..photons.len())
             .map(|i| {
                 let center = Vec3A::from(photons.positions[i]);
@@ -66,12 +69,14 @@ impl CausticMap {
             })
             .collect();
         sort(&mut discs);
-        measure(&mut discs, &tree, neighbours.max(2), max_radius);
-        spread(&mut discs);
         let leaves = discs.len().div_ceil(LEAF);
-        let mut nodes = vec![Node { min: Vec3::ZERO, max: Vec3::ZERO, size: 0, leaf: 0 }; 2 * leaves - 1];
-        bound(&discs, &mut nodes, 0);
-        Some(Self { discs, nodes })
+        let nodes = vec![Node { min: Vec3::ZERO, max: Vec3::ZERO, size: 0, leaf: 0 }; 2 * leaves - 1];
+        let mut map = Self { discs, nodes };
+        bound(&map.discs, &mut map.nodes, 0);
+        map.measure(neighbours.max(2) as usize, max_radius);
+        spread(&mut map.discs);
+        bound(&map.discs, &mut map.nodes, 0);
+        Some(map)
     }
 
     pub(super) fn memory_bytes(&self) -> u64 {
@@ -93,8 +98,7 @@ impl CausticMap {
             if node.size > 1 {
                 continue;
             }
-            let first = node.leaf as usize * LEAF;
-            for disc in &self.discs[first..self.discs.len().min(first + LEAF)] {
+            for disc in self.leaf(node) {
                 let offset = p - disc.center;
                 let share = 1.0 - offset.length_squared() / (disc.radius * disc.radius);
                 if share > 0.0 && disc.normal.dot(n) > SAME_NORMAL && offset.dot(n).abs() < SAME_PLANE * disc.radius {
@@ -107,6 +111,90 @@ impl CausticMap {
         }
         Irradiance { irradiance, radius: if total > 0.0 { radius / total } else { 0.0 } }
     }
+
+    /// Gives discs their radii, while boxes hold their centers alone.
+    fn measure(&mut self, neighbours: usize, max_radius: Option<f32>) {
+        let mut radii = vec![0.0; self.discs.len()];
+        let all = 0..self.discs.len();
+        self.measure_near(&mut radii, all.clone(), all, neighbours);
+        // Where there are not as many photons, they fill what they may.
+        if self.discs.len() <= neighbours
+            && let Some(limit) = max_radius
+        {
+            radii.fill(limit);
+        }
+        let limit = max_radius.unwrap_or_else(|| {
+            let middle = radii.len() / 2;
+            RADIUS_LIMIT * *radii.clone().select_nth_unstable_by(middle, f32::total_cmp).1
+        });
+        for (disc, radius) in self.discs.iter_mut().zip(radii) {
+            disc.radius = radius.min(limit);
+        }
+    }
+
+    /// Sets the radii of a subtree's discs, by one search for each few of them: as good as one for each photon, in a third of the time or less. Of the
+    /// subtrees around it that hold enough neighbours, `around` is the smallest.
+    fn measure_near(&self, radii: &mut [f32], range: Range<usize>, around: Range<usize>, neighbours: usize) {
+        // The photon itself is the first that is found.
+        let around = if range.len() > neighbours { range.clone() } else { around };
+        // More leaves to a search for more neighbours, so that the work hardly grows with their number.
+        if let Some(middle) = middle(range.len())
+            && range.len() > neighbours / 10
+        {
+            let (left, right) = radii.split_at_mut(middle);
+            let middle = range.start + middle;
+            rayon::join(
+                || self.measure_near(left, range.start..middle, around.clone(), neighbours),
+                || self.measure_near(right, middle..range.end, around.clone(), neighbours),
+            );
+            return;
+        }
+        let pilot = self.discs[range.start + range.len() / 2].center;
+        let radius = self.distance_of(pilot, neighbours, around);
+        for (out, disc) in radii.iter_mut().zip(&self.discs[range]) {
+            // Photons beside a focus that holds the pilot are spread as far as they are from it.
+            *out = radius.max(disc.center.distance(pilot) - radius);
+        }
+    }
+
+    /// Returns the distance from `p` of neighbour number `neighbours`, counted from 0, which is no farther than that of those `around` it.
+    fn distance_of(&self, p: Vec3A, neighbours: usize, around: Range<usize>) -> f32 {
+        let mut squares: Vec<f32> = self.discs[around].iter().map(|disc| disc.center.distance_squared(p)).collect();
+        let mut bound = select(&mut squares, neighbours);
+        squares.clear();
+        let q = Vec3::from(p);
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if q.distance_squared(q.clamp(node.min, node.max)) > bound {
+                at += node.size as usize;
+                continue;
+            }
+            at += 1;
+            if node.size == 1 {
+                let near = self.leaf(node).iter().map(|disc| disc.center.distance_squared(p));
+                squares.extend(near.filter(|square| *square <= bound));
+                // A focus may hold thousands of them.
+                if squares.len() > MANY * neighbours {
+                    bound = select(&mut squares, neighbours);
+                    squares.truncate(neighbours + 1);
+                }
+            }
+        }
+        select(&mut squares, neighbours).sqrt()
+    }
+
+    /// Returns the discs of a leaf.
+    #[inline]
+    fn leaf(&self, node: &Node) -> &[Disc] {
+        let first = node.leaf as usize * LEAF;
+        &self.discs[first..self.discs.len().min(first + LEAF)]
+    }
+}
+
+/// Returns number `number` of the sorted values, or the greatest; reorders them.
+fn select(values: &mut [f32], number: usize) -> f32 {
+    let last = values.len() - 1;
+    *values.select_nth_unstable_by(number.min(last), f32::total_cmp).1
 }
 
 /// Sorts discs into the order of the leaves, by the medians of their centers.
@@ -124,40 +212,6 @@ fn sort(discs: &mut [Disc]) {
 /// Returns where a subtree of so many discs is divided, between leaves; `None` for a leaf.
 fn middle(discs: usize) -> Option<usize> {
     (discs > LEAF).then(|| discs.div_ceil(LEAF) / 2 * LEAF)
-}
-
-/// Gives discs their radii, by one search for each few of them: as good as one for each photon, in a third of the time or less.
-fn measure(discs: &mut [Disc], tree: &ImmutableKdTree<f32, 3>, neighbours: u32, max_radius: Option<f32>) {
-    measure_near(discs, tree, neighbours as usize, max_radius);
-    let limit = max_radius.unwrap_or_else(|| {
-        let mut radii: Vec<f32> = discs.iter().map(|disc| disc.radius).collect();
-        let middle = radii.len() / 2;
-        RADIUS_LIMIT * *radii.select_nth_unstable_by(middle, f32::total_cmp).1
-    });
-    discs.iter_mut().for_each(|disc| disc.radius = disc.radius.min(limit));
-}
-
-/// The part of [`measure`] that a subtree can do alone.
-fn measure_near(discs: &mut [Disc], tree: &ImmutableKdTree<f32, 3>, neighbours: usize, max_radius: Option<f32>) {
-    // More leaves to a search for more neighbours, so that the work hardly grows with their number.
-    if let Some(middle) = middle(discs.len())
-        && discs.len() > neighbours / 10
-    {
-        let (left, right) = discs.split_at_mut(middle);
-        let half = |discs: &mut [Disc]| measure_near(discs, tree, neighbours, max_radius);
-        rayon::join(|| half(left), || half(right));
-        return;
-    }
-    // The photon itself is the first that is found.
-    let count = neighbours + 1;
-    let pilot = discs[discs.len() / 2].center;
-    let near = nearest(tree, pilot, count, f32::INFINITY);
-    let are_few = near.len() < count && max_radius.is_some();
-    let radius = near.last().filter(|_| !are_few).map_or(f32::INFINITY, |last| last.distance.sqrt());
-    for disc in discs {
-        // Photons beside a focus that holds the pilot are spread as far as they are from it.
-        disc.radius = radius.max(disc.center.distance(pilot) - radius);
-    }
 }
 
 /// Spreads the flux in `peak` over the discs.

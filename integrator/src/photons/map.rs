@@ -155,7 +155,7 @@ impl IrradianceMap {
     }
 }
 
-pub(super) fn tree(positions: &[[f32; 3]]) -> Option<ImmutableKdTree<f32, 3>> {
+fn tree(positions: &[[f32; 3]]) -> Option<ImmutableKdTree<f32, 3>> {
     if positions.is_empty() {
         return None;
     }
@@ -165,7 +165,7 @@ pub(super) fn tree(positions: &[[f32; 3]]) -> Option<ImmutableKdTree<f32, 3>> {
 type Found = kiddo::QueryResultItem<(), u32, f32>;
 
 /// Returns the nearest points by distance, which is squared.
-pub(super) fn nearest(tree: &ImmutableKdTree<f32, 3>, p: Vec3A, count: usize, radius: f32) -> Vec<Found> {
+fn nearest(tree: &ImmutableKdTree<f32, 3>, p: Vec3A, count: usize, radius: f32) -> Vec<Found> {
     let Some(count) = NonZero::new(count) else { return Vec::new() };
     let query = p.to_array();
     if radius.is_finite() {
