@@ -1,6 +1,6 @@
 //! The four-term integrator (eq. 7): the picture in bands, each from primary rays over surface points to the film.
 
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use scene::Scene;
 
@@ -87,7 +87,7 @@ pub(crate) fn render<S: Secondary>(
             witness.leave(&pixels, &lattice, &values);
         }
         statistics.time("film", |statistics| {
-            develop(&mut band, pixels, &lattice, &values, plan, secondary, statistics);
+            develop(&mut band, pixels, &lattice, &values, secondary, statistics);
         });
     }
     progress(Progress { phase: "indirect", done: 1.0 });
@@ -212,7 +212,6 @@ fn develop<S: Secondary>(
     pixels: Vec<PixelPoints>,
     lattice: &Lattice,
     values: &[Incident],
-    plan: &Plan,
     secondary: &S,
     statistics: &mut Statistics,
 ) {
@@ -221,10 +220,11 @@ fn develop<S: Secondary>(
         .par_iter()
         .zip(values)
         .map(|(point, value)| {
-            let caustic = if plan.caustic_photons > 0 && point.shading.bsdf.has_diffuse() {
-                secondary.caustic_irradiance(&point.shading.surface) * std::f32::consts::FRAC_1_PI
+            let caustic = if point.caustic == Vec3::ZERO {
+                Vec3::ZERO
             } else {
-                glam::Vec3::ZERO
+                let coverage = secondary.caustic_coverage(&point.shading.surface);
+                point.caustic * (std::f32::consts::FRAC_1_PI / (point.caustic_looks as f32 * coverage))
             };
             let glossy = point.specular_weight * value.glossy;
             let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);

@@ -5,6 +5,7 @@ pub mod metrics;
 
 mod allocation;
 mod asked_error;
+mod caustic_need;
 mod cells;
 mod delta_ways;
 mod explain;

@@ -53,6 +53,8 @@ pub(crate) struct Plan {
     pub(crate) caustic_photons: u32,
     /// Photons in the disc over which each of them spreads its flux.
     pub(crate) caustic_neighbours: u32,
+    /// What decides whether there should be more of them.
+    pub(crate) caustic_need: Option<CausticBudget>,
     /// Rays to spend on the links of cells, 0 where there are none.
     pub(crate) cell_rays: u32,
     /// Gather rays of each probe that finds cells.
@@ -73,6 +75,37 @@ pub(crate) struct Plan {
     pub(crate) light_learners: u32,
     /// Samples of a glossy lobe that are looked up in a texture.
     pub(crate) lobe_samples: u32,
+}
+
+/// What decides how many photons a caustic map gets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CausticBudget {
+    /// Primary rays along a side of the picture that look for caustics.
+    pub(crate) side: u32,
+    /// The noise that is wanted.
+    pub(crate) noise: f32,
+    /// Most photons, whatever the noise.
+    pub(crate) most: u32,
+}
+
+impl CausticBudget {
+    /// Returns how many photons there should be, and how many of them in a disc, if the caustics of the picture have this `noise` by `photons` with `neighbours` in a
+    /// disc. Noise and blur are to fall alike, the one by the number in a disc, the other by its size.
+    pub(crate) fn refined(&self, photons: u32, neighbours: u32, noise: f32) -> (u32, u32) {
+        /// Less is not worth to spread all of them again.
+        const WORTH: f32 = 1.25;
+        let wanted = (noise / self.noise).powf(1.5).min(self.most as f32 / photons as f32);
+        if wanted < WORTH {
+            return (photons, neighbours);
+        }
+        Self::times(photons, neighbours, wanted)
+    }
+
+    /// So many times the photons, and as many more in a disc as keep noise and blur in step.
+    pub(crate) fn times(photons: u32, neighbours: u32, factor: f32) -> (u32, u32) {
+        let times = |number: u32, factor: f32| round(number as f32 * factor, 1.0, 20_000_000.0);
+        (times(photons, factor), times(neighbours, factor.powf(2.0 / 3.0)))
+    }
 }
 
 impl Plan {
@@ -161,6 +194,15 @@ impl Plan {
             verify_side: study.verify.unwrap_or(2),
             global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { shot(1.0) } else { 0 },
             caustic_photons: if lit && features.delta { shot(finer) } else { 0 },
+            caustic_need: (study.photons.is_none() && secondary == SecondaryKind::Cells).then(|| CausticBudget {
+                side: round(64.0 * quality.sqrt().sqrt(), 32.0, 128.0),
+                noise: CAUSTIC_NOISE * noise(lobe_quality),
+                most: round(
+                    PIXEL_PHOTONS * settings.size.element_product() as f32 * quality.powf(0.75),
+                    20_000.0,
+                    10_000_000.0,
+                ),
+            }),
             caustic_neighbours: round(80.0 * finer.powf(4.0 / 3.0), 80.0, 400.0),
             cell_rays: if features.diffuse && secondary == SecondaryKind::Cells {
                 round(links * quality.powf(0.75), 50_000.0, 50_000_000.0)
@@ -254,6 +296,10 @@ fn noise(quality: f32) -> f32 {
 const NOISE: f32 = 6e-4;
 /// The same of shared lobes, as a share of that of primary samples, which are better stratified.
 const LOBE_NOISE: f32 = 0.06;
+/// The same of caustics, as a share of that of primary samples.
+const CAUSTIC_NOISE: f32 = 0.25;
+/// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else.
+const PIXEL_PHOTONS: f32 = 32.0;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
 const MOST_SPP: f32 = 48.0;
 
@@ -276,6 +322,20 @@ mod tests {
 
     use super::*;
     use crate::secondary::tests::lamp_over_metal;
+
+    #[test]
+    fn photons_are_as_many_as_noise_asks_for() {
+        let budget = CausticBudget { side: 64, noise: 1e-4, most: 8_000_000 };
+        assert_eq!(budget.refined(400_000, 80, 0.9e-4), (400_000, 80), "enough");
+        assert_eq!(budget.refined(400_000, 80, 1.1e-4), (400_000, 80), "hardly too few");
+        assert_eq!(
+            budget.refined(400_000, 80, 4e-4),
+            (3_200_000, 320),
+            "a quarter of the noise by four times the photons in a disc"
+        );
+        assert_eq!(budget.refined(400_000, 80, 1.0).0, 8_000_000, "the limit");
+        assert_eq!(budget.refined(9_000_000, 80, 1.0), (9_000_000, 80), "above it already");
+    }
 
     #[test]
     fn one_point_of_light_is_asked_once() {

@@ -4,11 +4,12 @@ use std::time::Instant;
 
 use scene::Scene;
 
+use crate::caustic_need::CausticNeed;
 use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::explain::Witness;
-use crate::plan::Plan;
+use crate::plan::{CausticBudget, Plan};
 use crate::{
-    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, Secondary, SecondaryKind, Settings,
+    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, RayCounts, Secondary, SecondaryKind, Settings,
     SettingsError, SkySplit, Statistics, four_terms, hash_pair, path,
 };
 
@@ -54,14 +55,15 @@ pub(crate) fn render_watched(
             let plan = Plan::new(scene, settings);
             let sky = statistics.time("lights", |_| SkySplit::new(scene));
             let sky = sky.as_ref();
-            let maps = statistics.time("photons", |statistics| shoot(scene, settings, &plan, statistics, progress));
+            let mut maps = statistics.time("photons", |_| shoot(scene, settings, &plan, progress));
+            let cells = statistics.time("cells", |statistics| {
+                solve_cells(scene, settings, &plan, sky, PhotonSource { maps: &maps, scene }, statistics, progress)
+            });
+            statistics.time("photons", |statistics| refine(scene, settings, &plan, &cells, &mut maps, statistics));
             let photons = PhotonSource { maps: &maps, scene };
             if plan.secondary == SecondaryKind::Photons {
                 four_terms::render(scene, settings, &plan, &photons, sky, &mut statistics, progress, witness)
             } else {
-                let cells = statistics.time("cells", |statistics| {
-                    solve_cells(scene, settings, &plan, sky, photons, statistics, progress)
-                });
                 let source = CellSource { cells: &cells, photons };
                 four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
             }
@@ -121,33 +123,63 @@ fn solve_cells(
 }
 
 /// Shoots the photons that the plan asks for.
-fn shoot(
+fn shoot(scene: &Scene, settings: &Settings, plan: &Plan, progress: &(dyn Fn(Progress) + Sync)) -> PhotonMaps {
+    progress(Progress { phase: "photons", done: 0.0 });
+    let maps = PhotonMaps::shoot(scene, &photon_settings(settings, plan));
+    progress(Progress { phase: "photons", done: 1.0 });
+    maps
+}
+
+fn photon_settings(settings: &Settings, plan: &Plan) -> PhotonSettings {
+    PhotonSettings {
+        global: plan.global_photons > 0,
+        caustic: plan.caustic_photons > 0,
+        count: plan.global_photons,
+        caustic_count: plan.caustic_photons,
+        caustic_neighbours: plan.caustic_neighbours,
+        seed: hash_pair(settings.seed, PHOTON_STREAM),
+        ..PhotonSettings::default()
+    }
+}
+
+/// Shoots more photons where the picture needs them.
+fn refine(
     scene: &Scene,
     settings: &Settings,
     plan: &Plan,
+    cells: &Cells,
+    maps: &mut PhotonMaps,
     statistics: &mut Statistics,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> PhotonMaps {
-    progress(Progress { phase: "photons", done: 0.0 });
-    let maps = PhotonMaps::shoot(
-        scene,
-        &PhotonSettings {
-            global: plan.global_photons > 0,
-            caustic: plan.caustic_photons > 0,
-            count: plan.global_photons,
-            caustic_count: plan.caustic_photons,
-            caustic_neighbours: plan.caustic_neighbours,
-            seed: hash_pair(settings.seed, PHOTON_STREAM),
-            ..PhotonSettings::default()
-        },
-    );
+) {
+    if let Some(budget) = plan.caustic_need
+        && maps.has_caustics()
+    {
+        let photons = photon_settings(settings, plan);
+        let refined = |noise: f32| budget.refined(plan.caustic_photons, plan.caustic_neighbours, noise);
+        let asked = |maps: &PhotonMaps, other: Option<&PhotonMaps>, rays: &mut RayCounts| {
+            let source = CellSource { cells, photons: PhotonSource { maps, scene } };
+            let Settings { size, seed, .. } = *settings;
+            let need = CausticNeed { scene, maps, secondary: &source, size, side: budget.side, seed };
+            match other {
+                None => need.most_noise(plan.caustic_neighbours, rays),
+                Some(other) => need.noise(other, rays),
+            }
+        };
+        let most_noise = asked(maps, None, &mut statistics.rays);
+        if refined(most_noise).0 > plan.caustic_photons {
+            let twin = maps.caustic_twin(scene, &photons);
+            let noise = asked(maps, Some(&twin), &mut statistics.rays);
+            // What was shot already is not thrown away.
+            let both = CausticBudget::times(plan.caustic_photons, plan.caustic_neighbours, 2.0);
+            let (caustic_count, caustic_neighbours) = refined(noise).max(both);
+            maps.join_caustics(twin, scene, &PhotonSettings { caustic_count, caustic_neighbours, ..photons });
+        }
+    }
     statistics.rays += maps.rays;
-    statistics.photons_shot += maps.global_counts.shot + maps.caustic_counts.shot;
-    statistics.photons_global += maps.global_counts.stored;
-    statistics.photons_caustic += maps.caustic_counts.stored;
+    statistics.photons_shot = maps.global_counts.shot + maps.caustic_counts.shot;
+    statistics.photons_global = maps.global_counts.stored;
+    statistics.photons_caustic = maps.caustic_counts.stored;
     statistics.memory.photons = maps.memory_bytes();
-    progress(Progress { phase: "photons", done: 1.0 });
-    maps
 }
 
 /// Keeps the random numbers of photons apart from those of everything else.

@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use scene::{Bsdf, LightDirection, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
+use crate::Irradiance;
 use crate::sampler::Sampler;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
@@ -31,6 +32,18 @@ pub trait Secondary: Sync {
 
     /// Irradiance that came by mirrors or glass alone: the caustics. Zero in a scene without them.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
+
+    /// One of two parts of [`Self::caustic_irradiance`], which is this over [`Self::caustic_coverage`]: what can be asked for many places of a pixel. Its
+    /// radius is about the least length, metres, over which caustics change on any place of the surface that is at most `reach` away; 0 where that is not known.
+    fn covered_caustic_irradiance(&self, surface: &Surface, _reach: f32) -> Irradiance {
+        Irradiance { irradiance: self.caustic_irradiance(surface), radius: 0.0 }
+    }
+
+    /// The other part, which takes longer and changes little from one place to the next: the share of the surroundings over which caustics were blurred that is
+    /// surface, in (0, 1].
+    fn caustic_coverage(&self, _: &Surface) -> f32 {
+        1.0
+    }
 
     /// The same at surfaces that gather rays meet, where it need not be as exact; by a quicker way if there is one.
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {

@@ -32,6 +32,11 @@ pub(crate) struct SurfacePoint {
     pub(crate) specular_weight: Vec3,
     /// The same of the samples whose lobes are shared.
     pub(crate) lobe_weight: Vec3,
+    /// Sum of the irradiance by caustics at some of the samples, over their coverage, and the number of these samples.
+    pub(crate) caustic: Vec3,
+    pub(crate) caustic_looks: u32,
+    /// About the least length over which they change there, metres.
+    caustic_detail: f32,
     /// Distance of that sample from the middle of the pixel, in pixels, by squares.
     pub(crate) off_middle: f32,
     /// The pixel in the picture.
@@ -61,6 +66,23 @@ impl SurfacePoint {
     pub(crate) fn half_length(&self) -> f32 {
         let variance = (self.offset_sq - self.offset.length_squared() / self.count) / self.count;
         (3.0 * variance.max(0.0)).sqrt()
+    }
+
+    /// Asks for caustics where one of the samples lies, unless there are enough: as many as are needed where the samples lie so far apart.
+    fn look_for_caustics(&mut self, secondary: &impl Secondary, surface: &Surface) {
+        let is_first = self.caustic_looks == 0;
+        // Waves may spread a pixel over more than its width.
+        let width = self.footprint.max(2.0 * self.half_length());
+        let wanted = CAUSTIC_LOOKS_PER_RADIUS * width / self.caustic_detail;
+        if !is_first && self.caustic_looks as f32 >= wanted.clamp(1.0, MAX_CAUSTIC_LOOKS) {
+            return;
+        }
+        // By all that a pixel may see, or the number would depend on what was found, and means be wrong.
+        let reach = if is_first { self.footprint } else { 0.0 };
+        let found = secondary.covered_caustic_irradiance(surface, reach);
+        self.caustic += found.irradiance;
+        self.caustic_looks += 1;
+        self.caustic_detail = self.caustic_detail.min(found.radius);
     }
 
     /// Joins a sample of the same surface.
@@ -103,6 +125,9 @@ const LONG_CHAIN: u32 = 16;
 const MAX_CHAIN: u32 = 1000;
 /// Branches that carry less than this are ended by roulette.
 const MIN_THROUGHPUT: f32 = 0.01;
+/// So many samples of a pixel ask for caustics for each time that it is wider than the least of the discs by which they are blurred, up to a number.
+const CAUSTIC_LOOKS_PER_RADIUS: f32 = 4.0;
+const MAX_CAUSTIC_LOOKS: f32 = 8.0;
 /// Samples whose normals differ by more are different surfaces.
 const MIN_NORMAL_COS: f32 = 0.95;
 /// Samples farther from the plane of a surface than this share of its distance from the eye are different surfaces.
@@ -247,6 +272,9 @@ impl<S: Secondary> Primary<'_, S> {
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
                 lobe_weight: if shares_lobe { beta } else { Vec3::ZERO },
+                caustic: Vec3::ZERO,
+                caustic_looks: 0,
+                caustic_detail: f32::INFINITY,
                 off_middle: branch.off_middle,
                 position,
                 count: 1.0,
@@ -258,7 +286,10 @@ impl<S: Secondary> Primary<'_, S> {
             };
             // Light that the sample itself does not know.
             sample.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
-            add_point(&mut found.points, point, length);
+            let point = add_point(&mut found.points, point, length);
+            if self.plan.caustic_photons > 0 && bsdf.has_diffuse() {
+                point.look_for_caustics(self.secondary, &shading.surface);
+            }
         }
         if bounces < MAX_CHAIN {
             self.branch(&shading, beta, Branch { length, ..branch }, sampler, stack, &mut found.rays);
@@ -317,15 +348,18 @@ fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
     }
 }
 
-/// Adds a sample to the point of its surface, or starts one.
-fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) {
-    let same = points.iter_mut().find(|other| {
+/// Adds a sample to the point of its surface, or starts one; returns it.
+fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) -> &mut SurfacePoint {
+    let same = points.iter().position(|other| {
         other.chain == point.chain && same_surface(&other.shading.surface, &point.shading.surface, length)
     });
-    match same {
-        Some(other) => other.join(&point),
-        None => points.push(point),
+    let number = same.unwrap_or(points.len());
+    if same.is_some() {
+        points[number].join(&point);
+    } else {
+        points.push(point);
     }
+    &mut points[number]
 }
 
 /// Whether two places that are seen `length` metres away are of one surface: like normals, and each near the plane of the other.
@@ -367,6 +401,9 @@ mod tests {
             diffuse_weight: Vec3::ONE,
             specular_weight: Vec3::ONE,
             lobe_weight: Vec3::ZERO,
+            caustic: Vec3::ZERO,
+            caustic_looks: 0,
+            caustic_detail: f32::INFINITY,
             off_middle,
             position: UVec2::ZERO,
             count: 1.0,
@@ -375,6 +412,52 @@ mod tests {
             turn: Vec3A::ZERO,
             footprint: 0.01,
             key: 0,
+        }
+    }
+
+    /// Caustics that are as bright as their place is far along x, and change over a length.
+    struct Ramp(f32);
+
+    impl Secondary for Ramp {
+        fn irradiance(&self, _: &Surface) -> Option<crate::Known> {
+            None
+        }
+
+        fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+            Vec3::splat(surface.p.x)
+        }
+
+        fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> crate::Irradiance {
+            assert!(reach == 0.0 || reach == 0.01, "the width of the pixel, or nothing: {reach}");
+            crate::Irradiance { irradiance: self.caustic_irradiance(surface), radius: self.0 }
+        }
+    }
+
+    #[test]
+    fn caustics_are_asked_for_as_often_as_they_change_within_a_pixel() {
+        let scene = wall();
+        // Samples that lie within the width of a pixel, and some that waves spread over 20 of them.
+        for (spread, detail, expected) in [
+            (0.01, f32::INFINITY, 1),
+            (0.01, 0.1, 1),
+            (0.01, 0.02, 3),
+            (0.01, 0.001, 8),
+            (0.01, 0.0, 8),
+            (0.2, 0.23, 4),
+            (0.2, 0.01, 8),
+        ] {
+            let places = (0..16u8).map(|i| 1.0 + spread * f32::from((7 * i) % 16) / 16.0);
+            let mut samples = places.map(|x| sample(&scene, x, 0.0));
+            let mut point = samples.next().unwrap();
+            let surface = point.shading.surface;
+            point.look_for_caustics(&Ramp(detail), &surface);
+            for next in samples {
+                point.join(&next);
+                point.look_for_caustics(&Ramp(detail), &next.shading.surface);
+            }
+            assert_eq!(point.caustic_looks, expected, "{spread} wide, {detail}");
+            let mean = point.caustic.x / point.caustic_looks as f32;
+            assert!((1.0..=1.0 + spread).contains(&mean), "a mean of places: {mean}");
         }
     }
 

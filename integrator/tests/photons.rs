@@ -147,6 +147,39 @@ fn two_mirrors_make_a_row() {
 }
 
 #[test]
+fn refined_caustics_are_those_of_as_many_photons() {
+    let scene = Builder::default()
+        .cube_room(&lambert(0.5))
+        .square(Vec3::Z * 0.9, Vec3::NEG_Z, 0.1, lamp(10.0))
+        .square(Vec3::X * 0.9, Vec3::NEG_X, 0.5, mirror(0.9))
+        .build();
+    let caustic = |count| PhotonSettings { global: false, ..settings(count) };
+    let mut maps = PhotonMaps::shoot(&scene, &caustic(50_000));
+    let few = maps.caustic_counts;
+    maps.refine_caustics(&scene, &caustic(40_000));
+    assert_eq!(maps.caustic_counts, few, "there are more already");
+    maps.refine_caustics(&scene, &PhotonSettings { caustic_neighbours: 300, ..caustic(400_000) });
+    let counts = maps.caustic_counts;
+    assert_eq!(counts.shot, 400_000);
+    assert_balanced(&counts.balance, counts.shot, "both shots together");
+    let at_once = PhotonMaps::shoot(&scene, &PhotonSettings { caustic_neighbours: 300, seed: 4, ..caustic(400_000) });
+    let stored = counts.stored as f64 / at_once.caustic_counts.stored as f64;
+    assert!((stored - 1.0).abs() < 0.05, "aimed as well: {stored} times as many");
+    let emitted = counts.balance.emitted.x / at_once.caustic_counts.balance.emitted.x;
+    assert!((emitted - 1.0).abs() < 0.02, "the flux of the lamp, not twice: {emitted}");
+    let (mut sum, mut worst) = ([0.0; 2], 0f32);
+    for i in 0..400 {
+        let p = Vec3A::new(0.4 - 0.002 * i as f32, 0.002 * ((37 * i) % 400) as f32 - 0.4, -1.0);
+        let found = [&maps, &at_once].map(|maps| maps.caustic_irradiance(&scene, p, Vec3A::Z).x);
+        sum = [sum[0] + found[0], sum[1] + found[1]];
+        worst = worst.max((found[0] / found[1] - 1.0).abs());
+    }
+    assert!((sum[0] / sum[1] - 1.0).abs() < 0.02, "the same light: {sum:?}");
+    // Each is good to (4 / 3 / 300)^0.5 = 7 %.
+    assert!(worst < 4.5 * 0.07 * 2f32.sqrt(), "no speck: {worst}");
+}
+
+#[test]
 fn caustic_photons_are_aimed_at_small_glass() {
     // A ball far from the lamp that covers 1 in 4,000 of its light.
     let scene = Builder::default()

@@ -24,6 +24,7 @@ use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
 
 use self::solve::{CellLight, Row, solve};
 use self::table::Table;
+use crate::Irradiance;
 use crate::photons::PhotonSource;
 use crate::sampler::{Sampler, hash, hash_pair, in_cell};
 use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
@@ -300,6 +301,14 @@ impl Secondary for CellSource<'_> {
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         self.photons.caustic_irradiance(surface)
+    }
+
+    fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> Irradiance {
+        self.photons.covered_caustic_irradiance(surface, reach)
+    }
+
+    fn caustic_coverage(&self, surface: &Surface) -> f32 {
+        self.photons.caustic_coverage(surface)
     }
 
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {

@@ -14,238 +14,185 @@
 //! the distance to the k-th neighbour; the kernel is Epanechnikov's.
 
 use std::f32::consts::PI;
-use std::ops::Range;
 
-use super::map::{Irradiance, SAME_NORMAL, SAME_PLANE};
-use super::shoot::Photons;
 use glam::{Vec3, Vec3A};
 
-/// The limit of a disc's radius, in medians: most photons are in a focus, and those far from it must not become specks.
-const RADIUS_LIMIT: f32 = 64.0;
-/// A search keeps at most so many times the neighbours that it is for, and a leaf.
-const MANY: usize = 3;
-/// Discs in a leaf of the tree.
-const LEAF: usize = 8;
+use super::discs::{Disc, LEAF, Node, Tree};
+use super::map::{Irradiance, SAME_NORMAL, SAME_PLANE};
+use super::shoot::Photons;
 
-/// A photon and its disc.
-#[derive(Debug, Clone, Copy)]
-struct Disc {
-    center: Vec3A,
-    normal: Vec3A,
-    /// Irradiance at the center, W m^-2.
-    peak: Vec3,
-    radius: f32,
-}
-
-/// A box around discs. A node's first child follows it.
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    min: Vec3,
-    max: Vec3,
-    /// Nodes of this subtree: where to go on if the box does not hold the point.
-    size: u32,
-    /// Number of the first leaf in it.
-    leaf: u32,
-}
+/// Something of each disc of a leaf.
+type Lanes = [f32; LEAF];
 
 /// Photons with their discs, in a tree over them.
 #[derive(Debug)]
 pub(super) struct CausticMap {
-    discs: Vec<Disc>,
+    leaves: Vec<Leaf>,
     nodes: Vec<Node>,
+    /// Number of photons.
+    len: usize,
+}
+
+/// The discs of a leaf, in lanes that are looked at together.
+#[derive(Debug, Clone)]
+struct Leaf {
+    center: [Lanes; 3],
+    normal: [Lanes; 3],
+    /// Irradiance at the center, W m^-2.
+    peak: [Lanes; 3],
+    radius: Lanes,
+    /// Infinite where there is no disc: a photon is missing, or its beam has no width.
+    inverse_radius_sq: Lanes,
+}
+
+/// What leaves give to a point, lane by lane.
+struct Sums {
+    irradiance: [Lanes; 3],
+    /// The greatest of the three of each disc, and that times its radius.
+    most: Lanes,
+    radius: Lanes,
+    /// The least radius of those that are near.
+    least: Lanes,
 }
 
 impl CausticMap {
     /// Builds the map of estimates by about `neighbours` photons within `max_radius`, or within a limit taken from the photons' density. `None` where
     /// there is no photon.
     pub(super) fn new(photons: &Photons, neighbours: u32, max_radius: Option<f32>) -> Option<Self> {
-        if photons.len() == 0 {
-            return None;
-        }
-        let mut discs: Vec<Disc> = (0..photons.len())
-            .map(|i| {
-                let center = Vec3A::from(photons.positions[i]);
-                Disc { center, normal: photons.normals[i], peak: photons.flux[i], radius: 0.0 }
-            })
-            .collect();
-        sort(&mut discs);
-        let leaves = discs.len().div_ceil(LEAF);
-        let nodes = vec![Node { min: Vec3::ZERO, max: Vec3::ZERO, size: 0, leaf: 0 }; 2 * leaves - 1];
-        let mut map = Self { discs, nodes };
-        bound(&map.discs, &mut map.nodes, 0);
-        map.measure(neighbours.max(2) as usize, max_radius);
-        spread(&mut map.discs);
-        bound(&map.discs, &mut map.nodes, 0);
-        Some(map)
+        let Tree { discs, nodes } = Tree::new(photons, neighbours, max_radius)?;
+        Some(Self { leaves: discs.chunks(LEAF).map(Leaf::new).collect(), nodes, len: discs.len() })
     }
 
     pub(super) fn memory_bytes(&self) -> u64 {
-        (self.discs.len() * size_of::<Disc>() + self.nodes.len() * size_of::<Node>()) as u64
+        (self.leaves.len() * size_of::<Leaf>() + self.nodes.len() * size_of::<Node>()) as u64
+    }
+
+    /// Returns the photons, in the order of the tree.
+    pub(super) fn into_photons(self) -> Photons {
+        let mut photons = Photons::default();
+        for leaf in self.leaves {
+            for lane in 0..LEAF.min(self.len - photons.len()) {
+                let [center, normal, peak] =
+                    [&leaf.center, &leaf.normal, &leaf.peak].map(|axes| axes.map(|axis| axis[lane]));
+                photons.positions.push(center);
+                photons.normals.push(normal.into());
+                photons.flux.push(Vec3::from(peak) / peak_by_flux(leaf.radius[lane]).unwrap_or(1.0));
+            }
+        }
+        photons
     }
 
     /// Returns the irradiance at `p` on the side of the unit normal `n`, with the mean radius of the discs by what they give; 0 where there is none.
     pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Irradiance {
-        let mut irradiance = Vec3::ZERO;
-        let (mut radius, mut total) = (0.0, 0.0);
-        let q = Vec3::from(p);
+        let sums = self.add_all::<false>(p, n, 0.0);
+        let most = sums.most.iter().sum::<f32>();
+        let radius = if most > 0.0 { sums.radius.iter().sum::<f32>() / most } else { 0.0 };
+        Irradiance { radius, ..sums.total() }
+    }
+
+    /// The same with the least radius of the discs that give light to any place of the surface up to `reach` from `p`; infinite where none does.
+    pub(super) fn irradiance_and_detail(&self, p: Vec3A, n: Vec3A, reach: f32) -> Irradiance {
+        self.add_all::<true>(p, n, reach).total()
+    }
+
+    /// Adds up all discs; `DETAIL` asks for the least of those within `reach`.
+    fn add_all<const DETAIL: bool>(&self, p: Vec3A, n: Vec3A, reach: f32) -> Sums {
+        let mut sums = Sums::default();
+        let (p, n) = (Vec3::from(p), Vec3::from(n));
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {
-            if !(q.cmpge(node.min) & q.cmple(node.max)).all() {
-                at += node.size as usize;
-                continue;
-            }
-            at += 1;
-            if node.size > 1 {
-                continue;
-            }
-            for disc in self.leaf(node) {
-                let offset = p - disc.center;
-                let share = 1.0 - offset.length_squared() / (disc.radius * disc.radius);
-                if share > 0.0 && disc.normal.dot(n) > SAME_NORMAL && offset.dot(n).abs() < SAME_PLANE * disc.radius {
-                    let part = disc.peak * share;
-                    irradiance += part;
-                    radius += part.max_element() * disc.radius;
-                    total += part.max_element();
-                }
-            }
-        }
-        Irradiance { irradiance, radius: if total > 0.0 { radius / total } else { 0.0 } }
-    }
-
-    /// Gives discs their radii, while boxes hold their centers alone.
-    fn measure(&mut self, neighbours: usize, max_radius: Option<f32>) {
-        let mut radii = vec![0.0; self.discs.len()];
-        let all = 0..self.discs.len();
-        self.measure_near(&mut radii, all.clone(), all, neighbours);
-        // Where there are not as many photons, they fill what they may.
-        if self.discs.len() <= neighbours
-            && let Some(limit) = max_radius
-        {
-            radii.fill(limit);
-        }
-        let limit = max_radius.unwrap_or_else(|| {
-            let middle = radii.len() / 2;
-            RADIUS_LIMIT * *radii.clone().select_nth_unstable_by(middle, f32::total_cmp).1
-        });
-        for (disc, radius) in self.discs.iter_mut().zip(radii) {
-            disc.radius = radius.min(limit);
-        }
-    }
-
-    /// Sets the radii of a subtree's discs, by one search for each few of them: as good as one for each photon, in a third of the time or less. Of the
-    /// subtrees around it that hold enough neighbours, `around` is the smallest.
-    fn measure_near(&self, radii: &mut [f32], range: Range<usize>, around: Range<usize>, neighbours: usize) {
-        // The photon itself is the first that is found.
-        let around = if range.len() > neighbours { range.clone() } else { around };
-        // More leaves to a search for more neighbours, so that the work hardly grows with their number.
-        if let Some(middle) = middle(range.len())
-            && range.len() > neighbours / 10
-        {
-            let (left, right) = radii.split_at_mut(middle);
-            let middle = range.start + middle;
-            rayon::join(
-                || self.measure_near(left, range.start..middle, around.clone(), neighbours),
-                || self.measure_near(right, middle..range.end, around.clone(), neighbours),
-            );
-            return;
-        }
-        let pilot = self.discs[range.start + range.len() / 2].center;
-        let radius = self.distance_of(pilot, neighbours, around);
-        for (out, disc) in radii.iter_mut().zip(&self.discs[range]) {
-            // Photons beside a focus that holds the pilot are spread as far as they are from it.
-            *out = radius.max(disc.center.distance(pilot) - radius);
-        }
-    }
-
-    /// Returns the distance from `p` of neighbour number `neighbours`, counted from 0, which is no farther than that of those `around` it.
-    fn distance_of(&self, p: Vec3A, neighbours: usize, around: Range<usize>) -> f32 {
-        let mut squares: Vec<f32> = self.discs[around].iter().map(|disc| disc.center.distance_squared(p)).collect();
-        let mut bound = select(&mut squares, neighbours);
-        squares.clear();
-        let q = Vec3::from(p);
-        let mut at = 0;
-        while let Some(node) = self.nodes.get(at) {
-            if q.distance_squared(q.clamp(node.min, node.max)) > bound {
+            if !(p.cmpge(node.min - reach) & p.cmple(node.max + reach)).all() {
                 at += node.size as usize;
                 continue;
             }
             at += 1;
             if node.size == 1 {
-                let near = self.leaf(node).iter().map(|disc| disc.center.distance_squared(p));
-                squares.extend(near.filter(|square| *square <= bound));
-                // A focus may hold thousands of them.
-                if squares.len() > MANY * neighbours {
-                    bound = select(&mut squares, neighbours);
-                    squares.truncate(neighbours + 1);
-                }
+                self.leaves[node.leaf as usize].add::<DETAIL>(p, n, reach, &mut sums);
             }
         }
-        select(&mut squares, neighbours).sqrt()
+        sums
+    }
+}
+
+impl Default for Sums {
+    fn default() -> Self {
+        Self { irradiance: [[0.0; LEAF]; 3], most: [0.0; LEAF], radius: [0.0; LEAF], least: [f32::INFINITY; LEAF] }
+    }
+}
+
+impl Sums {
+    /// The irradiance, and the least radius.
+    fn total(&self) -> Irradiance {
+        Irradiance {
+            irradiance: self.irradiance.each_ref().map(|lanes| lanes.iter().sum::<f32>()).into(),
+            radius: self.least.iter().copied().fold(f32::INFINITY, f32::min),
+        }
+    }
+}
+
+impl Leaf {
+    fn new(discs: &[Disc]) -> Self {
+        let mut leaf = Self {
+            center: [[0.0; LEAF]; 3],
+            normal: [[0.0; LEAF]; 3],
+            peak: [[0.0; LEAF]; 3],
+            radius: [0.0; LEAF],
+            inverse_radius_sq: [f32::INFINITY; LEAF],
+        };
+        for (lane, disc) in discs.iter().enumerate() {
+            let scale = peak_by_flux(disc.radius);
+            let peak = disc.flux * scale.unwrap_or(1.0);
+            for axis in 0..3 {
+                leaf.center[axis][lane] = disc.center[axis];
+                leaf.normal[axis][lane] = disc.normal[axis];
+                leaf.peak[axis][lane] = peak[axis];
+            }
+            leaf.radius[lane] = disc.radius;
+            if scale.is_some() {
+                leaf.inverse_radius_sq[lane] = 1.0 / (disc.radius * disc.radius);
+            }
+        }
+        leaf
     }
 
-    /// Returns the discs of a leaf.
+    /// Adds what the discs give to `p`.
     #[inline]
-    fn leaf(&self, node: &Node) -> &[Disc] {
-        let first = node.leaf as usize * LEAF;
-        &self.discs[first..self.discs.len().min(first + LEAF)]
+    #[expect(clippy::needless_range_loop, reason = "one index for many arrays")]
+    fn add<const DETAIL: bool>(&self, p: Vec3, n: Vec3, reach: f32, sums: &mut Sums) {
+        let Self { center: [cx, cy, cz], normal: [nx, ny, nz], peak, radius, inverse_radius_sq } = self;
+        for lane in 0..LEAF {
+            let (x, y, z) = (p.x - cx[lane], p.y - cy[lane], p.z - cz[lane]);
+            let distance_sq = x * x + y * y + z * z;
+            let share = 1.0 - distance_sq * inverse_radius_sq[lane];
+            let cosine = n.x * nx[lane] + n.y * ny[lane] + n.z * nz[lane];
+            let height = (n.x * x + n.y * y + n.z * z).abs();
+            // Not for what is not a number either.
+            let is_here = (share > 0.0) & (cosine > SAME_NORMAL) & (height < SAME_PLANE * radius[lane]);
+            let share = if is_here { share } else { 0.0 };
+            let part = [peak[0][lane] * share, peak[1][lane] * share, peak[2][lane] * share];
+            for axis in 0..3 {
+                sums.irradiance[axis][lane] += part[axis];
+            }
+            if DETAIL {
+                let (radius, within) = (radius[lane], radius[lane] + reach);
+                let is_near = (distance_sq < within * within) & (cosine > SAME_NORMAL) & (radius < sums.least[lane]);
+                sums.least[lane] = if is_near { radius } else { sums.least[lane] };
+                continue;
+            }
+            let red_green = if part[0] > part[1] { part[0] } else { part[1] };
+            let most = if red_green > part[2] { red_green } else { part[2] };
+            sums.most[lane] += most;
+            sums.radius[lane] += most * radius[lane];
+        }
     }
 }
 
-/// Returns number `number` of the sorted values, or the greatest; reorders them.
-fn select(values: &mut [f32], number: usize) -> f32 {
-    let last = values.len() - 1;
-    *values.select_nth_unstable_by(number.min(last), f32::total_cmp).1
-}
-
-/// Sorts discs into the order of the leaves, by the medians of their centers.
-fn sort(discs: &mut [Disc]) {
-    let Some(middle) = middle(discs.len()) else { return };
-    let (min, max) = discs
-        .iter()
-        .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(min, max), disc| (min.min(disc.center), max.max(disc.center)));
-    let axis = (max - min).max_position();
-    discs.select_nth_unstable_by(middle, |a, b| a.center[axis].total_cmp(&b.center[axis]));
-    let (left, right) = discs.split_at_mut(middle);
-    rayon::join(|| sort(left), || sort(right));
-}
-
-/// Returns where a subtree of so many discs is divided, between leaves; `None` for a leaf.
-fn middle(discs: usize) -> Option<usize> {
-    (discs > LEAF).then(|| discs.div_ceil(LEAF) / 2 * LEAF)
-}
-
-/// Spreads the flux in `peak` over the discs.
-fn spread(discs: &mut [Disc]) {
-    for disc in discs {
-        let peak = disc.peak * (2.0 / (PI * disc.radius * disc.radius));
-        // A beam without width has no irradiance.
-        disc.peak = if peak.is_finite() { peak } else { Vec3::ZERO };
-    }
-}
-
-/// Makes the nodes of the tree over sorted discs, whose leaves are numbered from `leaf` on.
-fn bound(discs: &[Disc], nodes: &mut [Node], leaf: u32) {
-    let number = |count: usize| u32::try_from(count).expect("fewer photons than 2^32");
-    let size = number(nodes.len());
-    let (node, rest) = nodes.split_first_mut().expect("a tree has a node");
-    let boxed = |min: Vec3A, max: Vec3A| Node { min: min.into(), max: max.into(), size, leaf };
-    let Some(middle) = middle(discs.len()) else {
-        let (min, max) = discs.iter().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(min, max), disc| {
-            (min.min(disc.center - disc.radius), max.max(disc.center + disc.radius))
-        });
-        *node = boxed(min, max);
-        return;
-    };
-    let (left, right) = discs.split_at(middle);
-    let left_leaves = middle / LEAF;
-    let (left_nodes, right_nodes) = rest.split_at_mut(2 * left_leaves - 1);
-    rayon::join(|| bound(left, left_nodes, leaf), || bound(right, right_nodes, leaf + number(left_leaves)));
-    *node = Node {
-        min: left_nodes[0].min.min(right_nodes[0].min),
-        max: left_nodes[0].max.max(right_nodes[0].max),
-        size,
-        leaf,
-    };
+/// Irradiance at the center of a disc with a flux of 1; `None` where a beam has no width, and so no irradiance.
+fn peak_by_flux(radius: f32) -> Option<f32> {
+    /// No flux makes more than a number of that.
+    const MOST: f32 = 1e30;
+    let peak = 2.0 / (PI * radius * radius);
+    (peak < MOST).then_some(peak)
 }
 
 #[cfg(test)]
@@ -304,8 +251,9 @@ mod tests {
         let focus = map.irradiance(Vec3A::ZERO, Vec3A::Z).irradiance.x;
         assert!((focus / (1e6 / 3.0) - 1.0).abs() < 0.3, "{focus} in the focus");
         // No sparse photon beside it has a disc of its size: such a speck would be as bright as the focus.
-        let beside = map.discs.iter().filter(|disc| disc.center.length() > 0.01 && disc.center.y < 0.15);
-        let brightest = beside.map(|disc| disc.peak.x).fold(0.0, f32::max);
+        let tree = Tree::new(&photons, 80, None).unwrap();
+        let beside = tree.discs.iter().filter(|disc| disc.center.length() > 0.01 && disc.center.y < 0.15);
+        let brightest = beside.map(|disc| disc.flux.x * peak_by_flux(disc.radius).unwrap()).fold(0.0, f32::max);
         assert!(brightest < 1.0, "{brightest} where the irradiance is 1/3");
     }
 
@@ -335,16 +283,40 @@ mod tests {
         for count in [1, 7, 8, 9, 100, 1000] {
             let photons = photons(focused().positions[..count].to_vec());
             let map = CausticMap::new(&photons, 20, Some(0.3)).unwrap();
+            let tree = Tree::new(&photons, 20, Some(0.3)).unwrap();
             let mut rng = Rng::new(10, 0);
             for _ in 0..200 {
                 let p = Vec3A::new(1.2 * rng.next_1d() - 0.6, 1.2 * rng.next_1d() - 0.6, 0.0);
                 let near = |disc: &&Disc| disc.center.distance(p) < disc.radius;
-                let share = |disc: &Disc| 1.0 - (disc.center.distance(p) / disc.radius).powi(2);
-                let all: f32 = map.discs.iter().filter(near).map(|disc| share(disc) * disc.peak.x).sum();
+                let part = |disc: &Disc| {
+                    let share = 1.0 - (disc.center.distance(p) / disc.radius).powi(2);
+                    disc.flux.x * share * peak_by_flux(disc.radius).unwrap()
+                };
+                let all: f32 = tree.discs.iter().filter(near).map(part).sum();
                 let found = map.irradiance(p, Vec3A::Z).irradiance.x;
                 assert!((found - all).abs() <= 1e-4 * all, "{count} photons: {found}, {all}");
             }
             assert_eq!(map.irradiance(Vec3A::ZERO, Vec3A::NEG_Z).irradiance, Vec3::ZERO, "the other side");
+        }
+    }
+
+    #[test]
+    fn photons_are_given_back() {
+        let mut photons = photons(focused().positions[..1003].to_vec());
+        // Beams without width too.
+        photons.positions[..200].fill([0.5, 0.25, 0.0]);
+        for (i, flux) in (0u16..).zip(&mut photons.flux) {
+            *flux *= 1.0 + f32::from(i);
+        }
+        let sorted = |photons: &Photons| {
+            let mut all: Vec<_> = photons.positions.iter().zip(&photons.flux).map(|(p, flux)| (flux.x, *p)).collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            all
+        };
+        let given = CausticMap::new(&photons, 20, None).unwrap().into_photons();
+        assert_eq!(given.normals, photons.normals);
+        for (given, photon) in sorted(&given).into_iter().zip(sorted(&photons)) {
+            assert!(given.1 == photon.1 && (given.0 / photon.0 - 1.0).abs() < 1e-6, "{given:?} of {photon:?}");
         }
     }
 

@@ -38,6 +38,11 @@ pub struct Irradiance {
     pub radius: f32,
 }
 
+impl Irradiance {
+    /// None, everywhere.
+    pub(super) const DARK: Self = Self { irradiance: Vec3::ZERO, radius: f32::INFINITY };
+}
+
 /// Photons in a tree.
 #[derive(Debug)]
 pub(super) struct PhotonMap {

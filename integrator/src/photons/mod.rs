@@ -7,6 +7,7 @@
 
 mod caustic;
 mod coverage;
+mod discs;
 mod guide;
 mod map;
 mod shoot;
@@ -21,10 +22,11 @@ use serde::{Deserialize, Serialize};
 use crate::{Known, RayCounts, Secondary, hash_pair};
 use caustic::CausticMap;
 use coverage::{Kernel, covered_share};
+use guide::Guide;
 pub use map::Irradiance;
 use map::{IrradianceMap, PhotonMap};
 pub use shoot::FluxBalance;
-use shoot::{Kind, shoot};
+use shoot::{Kind, Photons, learn, shoot};
 
 /// Irradiance of the global map is estimated beforehand at one photon of so many.
 const PRECOMPUTED_SHARE: usize = 4;
@@ -84,11 +86,42 @@ pub struct PhotonCounts {
     pub seconds: f64,
 }
 
+/// Photons, and what became of all that were shot.
+type Shots = (Photons, PhotonCounts);
+
+/// Joins what was shot in two parts, each as if there were no others.
+fn merge((mut a, counts_a): Shots, (mut b, counts_b): Shots) -> Shots {
+    let shot = counts_a.shot + counts_b.shot;
+    let shares = [counts_a, counts_b].map(|counts| counts.shot as f64 / shot as f64);
+    #[expect(clippy::cast_possible_truncation, reason = "flux is f32")]
+    let [share_a, share_b] = shares.map(|share| share as f32);
+    a.scale(share_a);
+    b.scale(share_b);
+    a.append(&mut b);
+    let mut balance = counts_a.balance.scaled(shares[0]);
+    balance.add(&counts_b.balance.scaled(shares[1]));
+    let counts = PhotonCounts {
+        shot,
+        useful: counts_a.useful + counts_b.useful,
+        stored: counts_a.stored + counts_b.stored,
+        balance,
+        seconds: counts_a.seconds + counts_b.seconds,
+    };
+    (a, counts)
+}
+
+/// The number of photons of one map.
+fn count(number: u64) -> u32 {
+    u32::try_from(number).expect("counts are of 32 bits")
+}
+
 /// The photon maps of a scene, frozen.
 #[derive(Debug)]
 pub struct PhotonMaps {
     global: Option<IrradianceMap>,
     caustic: Option<CausticMap>,
+    /// Where the photons of the caustic map were aimed.
+    caustic_guide: Option<Guide>,
     /// Counts of the global map; all 0 where it was not made.
     pub global_counts: PhotonCounts,
     /// Counts of the caustic map; all 0 where it was not made.
@@ -102,27 +135,125 @@ impl PhotonMaps {
     #[must_use]
     pub fn shoot(scene: &Scene, settings: &PhotonSettings) -> Self {
         let features = scene.features();
-        let mut maps = Self {
-            global: None,
-            caustic: None,
-            global_counts: PhotonCounts::default(),
-            caustic_counts: PhotonCounts::default(),
-            rays: RayCounts::default(),
-        };
-        if settings.global && features.diffuse {
+        let mut maps = Self::empty();
+        if settings.global && features.diffuse && settings.count > 0 {
             let start = Instant::now();
-            let photons = maps.shoot_kind(scene, Kind::Global, settings);
+            let seed = hash_pair(settings.seed, 1);
+            let guide = maps.learn(scene, Kind::Global, seed);
+            let (photons, counts) = maps.shoot_kind(scene, Kind::Global, &guide, settings.count, seed);
+            maps.global_counts = counts;
             let map = PhotonMap::new(photons, settings.neighbours, settings.max_radius);
             maps.global = map.and_then(|map| maps.precompute(scene, &map, settings.seed));
             maps.global_counts.seconds = start.elapsed().as_secs_f64();
         }
-        if settings.caustic && features.delta && features.diffuse {
-            let start = Instant::now();
-            let photons = maps.shoot_kind(scene, Kind::Caustic, settings);
-            maps.caustic = CausticMap::new(&photons, settings.caustic_neighbours, settings.max_radius);
-            maps.caustic_counts.seconds = start.elapsed().as_secs_f64();
-        }
+        maps.refine_caustics(scene, settings);
         maps
+    }
+
+    fn empty() -> Self {
+        Self {
+            global: None,
+            caustic: None,
+            caustic_guide: None,
+            global_counts: PhotonCounts::default(),
+            caustic_counts: PhotonCounts::default(),
+            rays: RayCounts::default(),
+        }
+    }
+
+    /// Shoots more photons for the caustic map, aimed as those before, until it is by [`PhotonSettings::caustic_count`] altogether, and spreads all of them
+    /// anew, over discs of [`PhotonSettings::caustic_neighbours`]. Does nothing where there are as many already, or where [`PhotonMaps::shoot`] found no use for the
+    /// map.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use glam::{Vec3, Vec3A};
+    /// use integrator::{PhotonMaps, PhotonSettings};
+    /// use scene::{Description, Material, Mesh, PunctualLight, Scene, SpecularKind};
+    ///
+    /// // A mirror stands beside a floor.
+    /// let square = |corners: [Vec3; 4], material| Mesh {
+    ///     positions: corners.to_vec(),
+    ///     triangles: vec![[0, 1, 2], [0, 2, 3]],
+    ///     materials: vec![material; 2],
+    ///     ..Mesh::default()
+    /// };
+    /// let floor = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+    /// let wall = [Vec3::ZERO, Vec3::Y, Vec3::new(0.0, 1.0, 1.0), Vec3::Z];
+    /// let mirror = Material { diffuse: Vec3::ZERO, specular: SpecularKind::Mirror { reflectance: Vec3::ONE }, ..Material::default() };
+    /// let scene = Scene::new(Description {
+    ///     meshes: vec![square(floor, 0), square(wall, 1)],
+    ///     materials: vec![Material::default(), mirror],
+    ///     lights: vec![PunctualLight::Point { position: Vec3::new(0.5, 0.5, 1.0), intensity: Vec3::ONE }],
+    ///     ..Description::default()
+    /// })?;
+    /// let few = PhotonSettings { global: false, caustic_count: 10_000, ..PhotonSettings::default() };
+    /// let mut maps = PhotonMaps::shoot(&scene, &few);
+    /// maps.refine_caustics(&scene, &PhotonSettings { caustic_count: 40_000, caustic_neighbours: 200, ..few });
+    /// assert_eq!(maps.caustic_counts.shot, 40_000);
+    /// // As from a lamp at (-0.5, 0.5, 1), the mirrored one.
+    /// let p = Vec3A::new(0.25, 0.5, 0.0);
+    /// let expected = 1.0 / (0.75f32.powi(2) + 1.0).powf(1.5);
+    /// assert!((maps.caustic_irradiance(&scene, p, Vec3A::Z).x / expected - 1.0).abs() < 0.2);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn refine_caustics(&mut self, scene: &Scene, settings: &PhotonSettings) {
+        let has_use = settings.caustic && scene.features().delta && scene.features().diffuse;
+        let shot = self.caustic_counts.shot;
+        if has_use && u64::from(settings.caustic_count) > shot {
+            let start = Instant::now();
+            let more = self.shoot_caustics(scene, settings, shot, settings.caustic_count);
+            let all = match self.take_caustics() {
+                Some(known) => merge(known, more),
+                None => more,
+            };
+            self.spread(all, settings, start);
+        }
+    }
+
+    /// Shoots as many photons for caustics again, aimed alike, to compare both or to add them by [`Self::join_caustics`].
+    pub(crate) fn caustic_twin(&mut self, scene: &Scene, settings: &PhotonSettings) -> Self {
+        let start = Instant::now();
+        let shot = self.caustic_counts.shot;
+        let photons = self.shoot_caustics(scene, settings, shot, count(2 * shot));
+        let mut twin = Self::empty();
+        twin.spread(photons, settings, start);
+        twin
+    }
+
+    /// As [`Self::refine_caustics`], by way of what its twin has shot.
+    pub(crate) fn join_caustics(&mut self, mut twin: Self, scene: &Scene, settings: &PhotonSettings) {
+        let start = Instant::now();
+        let parts = [self.take_caustics(), twin.take_caustics()].into_iter().flatten();
+        let Some(mut all) = parts.reduce(merge) else { return };
+        let shot = all.1.shot;
+        if u64::from(settings.caustic_count) > shot {
+            all = merge(all, self.shoot_caustics(scene, settings, shot, settings.caustic_count));
+        }
+        self.spread(all, settings, start);
+    }
+
+    /// Shoots photons from number `from` to number `to`.
+    fn shoot_caustics(&mut self, scene: &Scene, settings: &PhotonSettings, from: u64, to: u32) -> Shots {
+        let seed = hash_pair(settings.seed, 2);
+        let guide = self.caustic_guide.take().unwrap_or_else(|| self.learn(scene, Kind::Caustic, seed));
+        let shots = self.shoot_kind(scene, Kind::Caustic, &guide, to - count(from), hash_pair(seed, from));
+        self.caustic_guide = Some(guide);
+        shots
+    }
+
+    /// The photons of the caustic map, which is gone then; `None` if none were shot.
+    fn take_caustics(&mut self) -> Option<Shots> {
+        let photons = self.caustic.take().map(CausticMap::into_photons).unwrap_or_default();
+        let counts = std::mem::take(&mut self.caustic_counts);
+        (counts.shot > 0).then_some((photons, counts))
+    }
+
+    /// Makes the caustic map of what was shot.
+    fn spread(&mut self, (photons, counts): Shots, settings: &PhotonSettings, start: Instant) {
+        self.caustic = CausticMap::new(&photons, settings.caustic_neighbours, settings.max_radius);
+        self.caustic_counts = PhotonCounts { seconds: counts.seconds + start.elapsed().as_secs_f64(), ..counts };
     }
 
     /// Returns the irradiance of all light that is not straight, at `p` on the side of the unit geometric normal `n`.
@@ -141,21 +272,26 @@ impl PhotonMaps {
     /// the discs that is surface, found with a few short rays: beside edges it would be too dark.
     #[must_use]
     pub fn caustic_irradiance(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> Vec3 {
-        let Some(map) = &self.caustic else { return Vec3::ZERO };
-        let estimate = map.irradiance(p, n);
-        if estimate.irradiance == Vec3::ZERO {
-            return Vec3::ZERO;
+        self.quick_caustic_irradiance(p, n) / self.caustic_coverage(scene, p, n)
+    }
+
+    /// Returns the share of the discs of photons around `p` that is surface, of which a half is the least: 1 where there is none.
+    #[must_use]
+    pub fn caustic_coverage(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> f32 {
+        let radius = self.caustic.as_ref().map_or(0.0, |map| map.irradiance(p, n).radius);
+        if radius == 0.0 {
+            return 1.0;
         }
         let bits = p.to_array().map(|x| u64::from(x.to_bits()));
         let seed = hash_pair(hash_pair(bits[0], bits[1]), bits[2]);
-        estimate.irradiance / covered_share(scene, p, n, estimate.radius, Kernel::Epanechnikov, seed)
+        covered_share(scene, p, n, radius, Kernel::Epanechnikov, seed)
     }
 
     /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet. Too dark within the radius of a disc of
     /// edges, by a half at most beside a straight one.
     #[must_use]
     pub fn quick_caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
-        self.caustic.as_ref().map_or(Vec3::ZERO, |map| map.irradiance(p, n).irradiance)
+        self.caustic.as_ref().map_or(Irradiance::DARK, |map| map.irradiance(p, n)).irradiance
     }
 
     /// Whether there is any caustic light to look up.
@@ -171,18 +307,24 @@ impl PhotonMaps {
             + self.caustic.as_ref().map_or(0, CausticMap::memory_bytes)
     }
 
-    fn shoot_kind(&mut self, scene: &Scene, kind: Kind, settings: &PhotonSettings) -> shoot::Photons {
-        let (count, counts, stream) = match kind {
-            Kind::Global => (settings.count, &mut self.global_counts, 1),
-            Kind::Caustic => (settings.caustic_count, &mut self.caustic_counts, 2),
-        };
-        let shot = shoot(scene, kind, count, hash_pair(settings.seed, stream));
-        counts.shot = if scene.lights().is_empty() { 0 } else { u64::from(count) };
-        counts.useful = shot.useful;
-        counts.stored = shot.photons.len() as u64;
-        counts.balance = shot.balance;
+    fn learn(&mut self, scene: &Scene, kind: Kind, seed: u64) -> Guide {
+        let (guide, rays) = learn(scene, kind, seed);
+        self.rays.photon += rays;
+        guide
+    }
+
+    /// Shoots photons; the counts lack the time.
+    fn shoot_kind(&mut self, scene: &Scene, kind: Kind, guide: &Guide, count: u32, seed: u64) -> Shots {
+        let shot = shoot(scene, kind, guide, count, seed);
         self.rays.photon += shot.rays;
-        shot.photons
+        let counts = PhotonCounts {
+            shot: if scene.lights().is_empty() { 0 } else { u64::from(count) },
+            useful: shot.useful,
+            stored: shot.photons.len() as u64,
+            balance: shot.balance,
+            seconds: 0.0,
+        };
+        (shot.photons, counts)
     }
 
     /// Estimates irradiance at a share of the photons, corrected for the part of each disc that is surface.
@@ -225,6 +367,15 @@ impl Secondary for PhotonSource<'_> {
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         self.maps.caustic_irradiance(self.scene, surface.p, surface.ng)
+    }
+
+    fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> Irradiance {
+        let map = self.maps.caustic.as_ref();
+        map.map_or(Irradiance::DARK, |map| map.irradiance_and_detail(surface.p, surface.ng, reach))
+    }
+
+    fn caustic_coverage(&self, surface: &Surface) -> f32 {
+        self.maps.caustic_coverage(self.scene, surface.p, surface.ng)
     }
 
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {

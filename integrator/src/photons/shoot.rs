@@ -60,6 +60,11 @@ pub(super) struct Photons {
 }
 
 impl Photons {
+    /// Gives each photon this share of its flux.
+    pub(super) fn scale(&mut self, share: f32) {
+        self.flux.iter_mut().for_each(|flux| *flux *= share);
+    }
+
     pub(super) fn len(&self) -> usize {
         self.flux.len()
     }
@@ -70,7 +75,7 @@ impl Photons {
         self.flux.push(flux);
     }
 
-    fn append(&mut self, other: &mut Self) {
+    pub(super) fn append(&mut self, other: &mut Self) {
         self.positions.append(&mut other.positions);
         self.normals.append(&mut other.normals);
         self.flux.append(&mut other.flux);
@@ -94,7 +99,15 @@ pub struct FluxBalance {
 }
 
 impl FluxBalance {
-    fn add(&mut self, other: &Self) {
+    /// Returns the balance of photons that carry this share of their flux.
+    pub(super) fn scaled(&self, share: f64) -> Self {
+        let Self { emitted, absorbed, escaped, stopped, roulette } = *self;
+        let [emitted, absorbed, escaped, stopped, roulette] =
+            [emitted, absorbed, escaped, stopped, roulette].map(|flux| flux * share);
+        Self { emitted, absorbed, escaped, stopped, roulette }
+    }
+
+    pub(super) fn add(&mut self, other: &Self) {
         self.emitted += other.emitted;
         self.absorbed += other.absorbed;
         self.escaped += other.escaped;
@@ -113,13 +126,11 @@ pub(super) struct Shot {
     pub(super) rays: u64,
 }
 
-/// Shoots `count` photons, aimed by what pilots found; none where the scene has no light that could shoot.
-pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
+/// Shoots `count` photons, aimed by the guide; none where the scene has no light that could shoot.
+pub(super) fn shoot(scene: &Scene, kind: Kind, guide: &Guide, count: u32, seed: u64) -> Shot {
     if scene.lights().is_empty() || count == 0 {
         return Shot::default();
     }
-    let (guide, pilot_rays) = aim(scene, kind, seed);
-    let seed = hash_pair(seed, 0);
     let aim = guide.aim(count, seed);
     let scale = 1.0 / count as f32;
     let shots = blocks(count, |indices| {
@@ -132,7 +143,7 @@ pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
         }
         shot
     });
-    let mut all = Shot { rays: pilot_rays, ..Shot::default() };
+    let mut all = Shot::default();
     for mut shot in shots {
         all.photons.append(&mut shot.photons);
         all.balance.add(&shot.balance);
@@ -143,9 +154,12 @@ pub(super) fn shoot(scene: &Scene, kind: Kind, count: u32, seed: u64) -> Shot {
 }
 
 /// Learns in a few rounds where to aim, each aimed by the one before; returns the rays that it took too.
-fn aim(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
+pub(super) fn learn(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
     let mut rays = 0;
     let mut guide = Guide::uniform();
+    if scene.lights().is_empty() {
+        return (guide, rays);
+    }
     for round in 1..=ROUNDS {
         let mut pilots = Vec::new();
         for repeat in 0..MAX_REPEATS {
