@@ -146,7 +146,7 @@ impl Plan {
         // The noise of caustics is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
         let finer = quality.max(1.0).sqrt();
         let shot = |factor: f32| {
-            study.photons.unwrap_or_else(|| round(400_000.0 * quality.sqrt() * factor, 20_000.0, 10_000_000.0))
+            study.photons.unwrap_or_else(|| round(PHOTONS * quality.sqrt() * factor, 20_000.0, 10_000_000.0))
         };
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
@@ -203,7 +203,7 @@ impl Plan {
                     10_000_000.0,
                 ),
             }),
-            caustic_neighbours: round(80.0 * finer.powf(4.0 / 3.0), 80.0, 400.0),
+            caustic_neighbours: round(NEIGHBOURS * finer.powf(4.0 / 3.0), NEIGHBOURS, 400.0),
             cell_rays: if features.diffuse && secondary == SecondaryKind::Cells {
                 round(links * quality.powf(0.75), 50_000.0, 50_000_000.0)
             } else {
@@ -296,8 +296,11 @@ fn noise(quality: f32) -> f32 {
 const NOISE: f32 = 6e-4;
 /// The same of shared lobes, as a share of that of primary samples, which are better stratified.
 const LOBE_NOISE: f32 = 0.06;
+/// Photons of a map at quality 1, and those in the disc of each of a caustic map, where no more are needed.
+const PHOTONS: f32 = 200_000.0;
+const NEIGHBOURS: f32 = 60.0;
 /// The same of caustics, as a share of that of primary samples.
-const CAUSTIC_NOISE: f32 = 0.25;
+const CAUSTIC_NOISE: f32 = 0.1;
 /// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else.
 const PIXEL_PHOTONS: f32 = 32.0;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
