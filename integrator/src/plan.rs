@@ -145,9 +145,8 @@ impl Plan {
         let (first_spp, budget) = primary_samples(settings, light_count >= MANY_LIGHTS);
         // The noise of caustics is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
         let finer = quality.max(1.0).sqrt();
-        let shot = |factor: f32| {
-            study.photons.unwrap_or_else(|| round(PHOTONS * quality.sqrt() * factor, 20_000.0, 10_000_000.0))
-        };
+        let shot =
+            |photons: f32| study.photons.unwrap_or_else(|| round(photons * quality.sqrt(), 20_000.0, 10_000_000.0));
         let lit = !scene.lights().is_empty();
         let error = study.error.unwrap_or(1e-4 / quality);
         // Links that end in a window, or at a lamp by way of gloss, are few and bright.
@@ -192,13 +191,17 @@ impl Plan {
                 doubt: study.doubt != Some(false),
             },
             verify_side: study.verify.unwrap_or(2),
-            global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons { shot(1.0) } else { 0 },
-            caustic_photons: if lit && features.delta { shot(finer) } else { 0 },
+            global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons {
+                shot(GLOBAL_PHOTONS)
+            } else {
+                0
+            },
+            caustic_photons: if lit && features.delta { shot(CAUSTIC_PHOTONS * finer) } else { 0 },
             caustic_need: (study.photons.is_none() && secondary == SecondaryKind::Cells).then(|| CausticBudget {
                 side: round(64.0 * quality.sqrt().sqrt(), 32.0, 128.0),
                 noise: CAUSTIC_NOISE * noise(lobe_quality),
                 most: round(
-                    PIXEL_PHOTONS * settings.size.element_product() as f32 * quality.powf(0.75),
+                    (PIXEL_PHOTONS * settings.size.element_product() as f32).min(MOST_PHOTONS) * quality.powf(0.75),
                     20_000.0,
                     10_000_000.0,
                 ),
@@ -296,13 +299,16 @@ fn noise(quality: f32) -> f32 {
 const NOISE: f32 = 6e-4;
 /// The same of shared lobes, as a share of that of primary samples, which are better stratified.
 const LOBE_NOISE: f32 = 0.06;
-/// Photons of a map at quality 1, and those in the disc of each of a caustic map, where no more are needed.
-const PHOTONS: f32 = 200_000.0;
+/// Photons of the global map at quality 1.
+const GLOBAL_PHOTONS: f32 = 400_000.0;
+/// Photons of the caustic map at quality 1, and those in the disc of each, where no more are needed.
+const CAUSTIC_PHOTONS: f32 = 200_000.0;
 const NEIGHBOURS: f32 = 60.0;
 /// The same of caustics, as a share of that of primary samples.
 const CAUSTIC_NOISE: f32 = 0.1;
-/// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else.
+/// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else. And most altogether: a million takes 140 MB while discs are made.
 const PIXEL_PHOTONS: f32 = 32.0;
+const MOST_PHOTONS: f32 = 4e6;
 /// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
 const MOST_SPP: f32 = 48.0;
 
