@@ -7,8 +7,9 @@ use reproject::{Traced, Tracer};
 use scene::{Bsdf, Scene, Specular, Surface};
 
 use crate::allocation::neighbours;
+use crate::follower::Follower;
 use crate::sampler::{Rng, Sampler, hash_pair, in_cell};
-use crate::secondary::{Follower, Secondary, Shading};
+use crate::secondary::{Secondary, Shading};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
 

@@ -10,6 +10,7 @@ mod cells;
 mod delta_ways;
 mod explain;
 mod film;
+mod follower;
 mod four_terms;
 mod gather;
 mod irradiance_cache;

@@ -6,11 +6,10 @@ use glam::{UVec2, Vec3, Vec3A};
 use scene::{Lights, Lobes, Scene, Specular};
 
 use crate::delta_ways::{Way, delta_ways};
+use crate::follower::{Follower, Reflection};
 use crate::plan::Plan;
 use crate::sampler::Sampler;
-use crate::secondary::{
-    DirectLight, Follower, LightWays, Reflection, Secondary, Shading, mis_weight, unsampled_emission,
-};
+use crate::secondary::{DirectLight, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::guide::{Guide, LobeGuide};
