@@ -11,9 +11,9 @@
 //! width are stratified, and may have a fiftieth of that. What they really have, as many others tell, which are to be shot anyway where it might be too much:
 //! half of the mean square of what two maps differ by.
 
-use glam::{UVec2, Vec2, Vec3};
+use glam::{UVec2, Vec3, Vec3A};
 use rayon::prelude::*;
-use scene::Scene;
+use scene::{Ray, Scene};
 
 use crate::PhotonMaps;
 use crate::delta_ways::delta_ways;
@@ -27,67 +27,77 @@ const MAX_CHAIN: usize = 8;
 /// Keeps these random numbers apart from those of the picture.
 const STREAM: u64 = 0x6361_7573_7469_6373;
 
-/// Asks primary rays for the share of caustics.
-pub(crate) struct CausticNeed<'a, S> {
-    pub(crate) scene: &'a Scene,
-    pub(crate) maps: &'a PhotonMaps,
-    pub(crate) secondary: &'a S,
-    /// Pixels of the picture, and rays along a side of it.
-    pub(crate) size: UVec2,
-    pub(crate) side: u32,
-    pub(crate) seed: u64,
+/// What primary rays see of surfaces on which caustics may lie.
+pub(crate) struct CausticNeed {
+    views: Vec<View>,
 }
 
-/// What a ray found: mean of R, G and B of all light, of that by caustics, and of what it is by other photons.
+/// What one ray sees, by mirrors and glass.
 #[derive(Debug, Clone, Copy, Default)]
-struct Seen {
+struct View {
+    /// All light that is known, mean of R, G and B.
     radiance: f32,
-    caustic: f32,
-    other: f32,
+    /// Radiance by the irradiance of the diffuse surface at its end.
+    reflected: Vec3,
+    /// Place and geometric normal there.
+    p: Vec3A,
+    n: Vec3A,
 }
 
-impl<S: Secondary> CausticNeed<'_, S> {
-    /// Returns the most noise that caustics may have, in relMSE, if their discs hold `neighbours` photons.
-    pub(crate) fn most_noise(&self, neighbours: u32, rays: &mut RayCounts) -> f32 {
-        4.0 / (3.0 * neighbours as f32) * self.mean(None, rays, |seen| seen.caustic.powi(2))
+impl CausticNeed {
+    /// Traces `side` x `side` rays of a picture of `size` pixels.
+    pub(crate) fn new(
+        scene: &Scene,
+        secondary: &impl Secondary,
+        size: UVec2,
+        side: u32,
+        seed: u64,
+        rays: &mut RayCounts,
+    ) -> Self {
+        let found: Vec<(View, RayCounts)> = (0..side * side)
+            .into_par_iter()
+            .map(|number| {
+                let mut rays = RayCounts::default();
+                let mut sampler = Sampler::new(hash_pair(seed, STREAM), number.into(), 0);
+                let film = in_cell(number, side, sampler.next_pair()) * size.as_vec2();
+                (View::new(scene, secondary, scene.camera_ray(film, size), &mut sampler, &mut rays), rays)
+            })
+            .collect();
+        found.iter().for_each(|(_, counts)| *rays += *counts);
+        Self { views: found.into_iter().map(|(view, _)| view).collect() }
+    }
+
+    /// Returns the most noise that the caustics of maps may have, in relMSE, if their discs hold `neighbours` photons.
+    pub(crate) fn most_noise(&self, maps: &PhotonMaps, neighbours: u32) -> f32 {
+        4.0 / (3.0 * neighbours as f32) * self.mean(maps, |_, caustic| caustic.powi(2))
     }
 
     /// Returns the noise that they have, in relMSE, by other photons of the same kind and number.
-    pub(crate) fn noise(&self, other: &PhotonMaps, rays: &mut RayCounts) -> f32 {
-        self.mean(Some(other), rays, |seen| 0.5 * (seen.caustic - seen.other).powi(2))
+    pub(crate) fn noise(&self, maps: &PhotonMaps, other: &PhotonMaps) -> f32 {
+        self.mean(maps, |view, caustic| 0.5 * (caustic - view.caustic(other)).powi(2))
     }
 
-    /// The mean over the rays of some square, relative to their radiance.
-    fn mean(&self, other: Option<&PhotonMaps>, rays: &mut RayCounts, square: impl Fn(&Seen) -> f32) -> f32 {
-        let found: Vec<(Seen, RayCounts)> =
-            (0..self.side * self.side).into_par_iter().map(|number| self.look(number, other)).collect();
-        let floor_sq = metrics::floor_sq(found.iter().map(|(seen, _)| f64::from(seen.radiance)).collect());
-        let mut sum = 0.0;
-        for (seen, counts) in &found {
-            sum += f64::from(square(seen)) / (f64::from(seen.radiance).powi(2) + floor_sq).max(f64::MIN_POSITIVE);
-            *rays += *counts;
-        }
+    /// The mean over the rays of some square by what they see of caustics, relative to all that they see.
+    fn mean(&self, maps: &PhotonMaps, square: impl Fn(&View, f32) -> f32 + Sync) -> f32 {
+        let seen = |view: &View| {
+            let caustic = view.caustic(maps);
+            // The light that is known may be blurred.
+            (f64::from(view.radiance.max(caustic)), f64::from(square(view, caustic)))
+        };
+        let seen: Vec<(f64, f64)> = self.views.par_iter().map(seen).collect();
+        let floor_sq = metrics::floor_sq(seen.iter().map(|(radiance, _)| *radiance).collect());
+        let relative = |(radiance, square): &(f64, f64)| square / (radiance.powi(2) + floor_sq).max(f64::MIN_POSITIVE);
         #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
-        let mean = (sum / found.len() as f64) as f32;
+        let mean = (seen.iter().map(relative).sum::<f64>() / seen.len() as f64) as f32;
         mean
     }
+}
 
-    /// What one ray finds; nothing where that is no number.
-    fn look(&self, number: u32, other: Option<&PhotonMaps>) -> (Seen, RayCounts) {
-        let mut rays = RayCounts::default();
-        let mut sampler = Sampler::new(hash_pair(self.seed, STREAM), number.into(), 0);
-        let film = in_cell(number, self.side, sampler.next_pair()) * self.size.as_vec2();
-        let found = self.follow(film, other, &mut sampler, &mut rays).map(|light| light.element_sum() / 3.0);
-        let [known, caustic, other] = if found.iter().all(|light| light.is_finite()) { found } else { [0.0; 3] };
-        // Secondary light may be blurred.
-        (Seen { radiance: known.max(caustic), caustic, other }, rays)
-    }
-
-    /// Follows a primary ray by mirrors and glass, one way at each, to the first other surface.
-    fn follow(&self, film: Vec2, other: Option<&PhotonMaps>, sampler: &mut Sampler, rays: &mut RayCounts) -> [Vec3; 3] {
-        let Self { scene, maps, secondary, .. } = *self;
-        let (mut radiance, mut caustics) = (Vec3::ZERO, [Vec3::ZERO; 2]);
-        let (mut ray, mut beta, mut radiance_scale) = (scene.camera_ray(film, self.size), Vec3::ONE, 1.0);
+impl View {
+    /// Follows a primary ray by mirrors and glass, one way at each, to the first other surface. Sees nothing if that is no number.
+    fn new(scene: &Scene, secondary: &impl Secondary, ray: Ray, sampler: &mut Sampler, rays: &mut RayCounts) -> Self {
+        let (mut radiance, mut view) = (Vec3::ZERO, Self::default());
+        let (mut ray, mut beta, mut radiance_scale) = (ray, Vec3::ONE, 1.0);
         rays.camera += 1;
         for bounce in 1..=MAX_CHAIN {
             let Some(hit) = scene.intersect(&ray) else {
@@ -98,16 +108,12 @@ impl<S: Secondary> CausticNeed<'_, S> {
             beta *= scene.transmittance(&surface);
             radiance += beta * scene.emission(&surface);
             let shading = Shading::new(scene, surface, ray.direction);
-            if shading.bsdf.has_diffuse() {
-                let reflected = beta * shading.bsdf.diffuse * std::f32::consts::FRAC_1_PI;
-                let irradiance = |maps: &PhotonMaps| maps.quick_caustic_irradiance(surface.p, surface.ng);
-                caustics[0] += reflected * irradiance(maps);
-                caustics[1] += reflected * other.map_or(Vec3::ZERO, irradiance);
-                let known = secondary.irradiance(&surface);
-                radiance +=
-                    known.map_or(Vec3::ZERO, |known| reflected * (known.direct.unwrap_or_default() + known.indirect));
-            }
             if !shading.bsdf.is_delta() {
+                let reflected = beta * shading.bsdf.diffuse * std::f32::consts::FRAC_1_PI;
+                let known = secondary.irradiance(&surface);
+                let irradiance = known.map_or(Vec3::ZERO, |known| known.direct.unwrap_or_default() + known.indirect);
+                radiance += reflected * irradiance;
+                view = Self { reflected, p: surface.p, n: surface.ng, ..view };
                 break;
             }
             sampler.start_bounce(u32::try_from(bounce).expect("a short chain"));
@@ -116,13 +122,22 @@ impl<S: Secondary> CausticNeed<'_, S> {
             (ray, beta, radiance_scale) = (way.ray, way.beta, way.radiance_scale);
             rays.path += 1;
         }
-        [radiance, caustics[0], caustics[1]]
+        view.radiance = radiance.element_sum() / 3.0;
+        if view.radiance.is_finite() && view.reflected.is_finite() { view } else { Self::default() }
+    }
+
+    /// The light that it sees of caustics, mean of R, G and B.
+    fn caustic(&self, maps: &PhotonMaps) -> f32 {
+        if self.reflected == Vec3::ZERO {
+            return 0.0;
+        }
+        let caustic = (self.reflected * maps.quick_caustic_irradiance(self.p, self.n)).element_sum() / 3.0;
+        if caustic.is_finite() { caustic } else { 0.0 }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3A;
     use scene::{Camera, Description, Material, Mesh, PunctualLight, SpecularKind, Surface};
 
     use super::*;
@@ -165,8 +180,8 @@ mod tests {
         .unwrap()
     }
 
-    fn need<'a>(scene: &'a Scene, maps: &'a PhotonMaps, secondary: &'a Even<'a>) -> CausticNeed<'a, Even<'a>> {
-        CausticNeed { scene, maps, secondary, size: UVec2::splat(64), side: 64, seed: 1 }
+    fn need(scene: &Scene, secondary: &Even<'_>, rays: &mut RayCounts) -> CausticNeed {
+        CausticNeed::new(scene, secondary, UVec2::splat(64), 64, 1, rays)
     }
 
     #[test]
@@ -178,9 +193,9 @@ mod tests {
         // As from a lamp 19 m above.
         let irradiance = 1.0 / 361.0;
         // The brightest tenth of what is even has a radiance of 0.8, so e is 0.0156 of the square of all.
-        let alone = need(&scene, &maps, &Even(&maps, 0.0)).most_noise(80, rays);
+        let alone = need(&scene, &Even(&maps, 0.0), rays).most_noise(&maps, 80);
         assert!((alone * 60.0 * 1.0156 - 1.0).abs() < 0.01, "{alone}");
-        let quarter = need(&scene, &maps, &Even(&maps, 3.0 * irradiance)).most_noise(80, rays);
+        let quarter = need(&scene, &Even(&maps, 3.0 * irradiance), rays).most_noise(&maps, 80);
         assert!((quarter * 960.0 * 1.0156 - 1.0).abs() < 0.02, "{quarter}");
         assert_eq!(rays.camera, 2 * 64 * 64, "rays are counted");
 
@@ -191,7 +206,7 @@ mod tests {
             (a - b).powi(2) / 2.0
         });
         let expected = differences.sum::<f32>() / 4000.0 / 1.0156;
-        let found = need(&scene, &maps, &Even(&maps, 0.0)).noise(&other, rays);
+        let found = need(&scene, &Even(&maps, 0.0), rays).noise(&maps, &other);
         assert!((found / expected - 1.0).abs() < 0.2, "{found}, by places on the floor {expected}");
         assert!(found < 0.1 * alone, "photons of a point are stratified: {found} of {alone}");
     }
@@ -202,10 +217,9 @@ mod tests {
         let maps =
             PhotonMaps::shoot(&scene, &PhotonSettings { global: false, caustic: false, ..PhotonSettings::default() });
         for even in [0.0, 1.0] {
-            let (secondary, rays) = (Even(&maps, even), &mut RayCounts::default());
-            let need = need(&scene, &maps, &secondary);
+            let need = need(&scene, &Even(&maps, even), &mut RayCounts::default());
             assert_eq!(
-                [need.most_noise(80, rays), need.noise(&maps, rays)],
+                [need.most_noise(&maps, 80), need.noise(&maps, &maps)],
                 [0.0; 2],
                 "no photons, and light of {even}"
             );

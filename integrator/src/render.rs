@@ -9,7 +9,7 @@ use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::explain::Witness;
 use crate::plan::{CausticBudget, Plan};
 use crate::{
-    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, RayCounts, Secondary, SecondaryKind, Settings,
+    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, Secondary, SecondaryKind, Settings,
     SettingsError, SkySplit, Statistics, four_terms, hash_pair, path,
 };
 
@@ -154,21 +154,14 @@ fn refine(
     if let Some(budget) = plan.caustic_need
         && maps.has_caustics()
     {
-        let photons = photon_settings(settings, plan);
+        let Settings { size, seed, .. } = *settings;
+        let source = CellSource { cells, photons: PhotonSource { maps, scene } };
+        let need = CausticNeed::new(scene, &source, size, budget.side, seed, &mut statistics.rays);
         let refined = |noise: f32| budget.refined(plan.caustic_photons, plan.caustic_neighbours, noise);
-        let asked = |maps: &PhotonMaps, other: Option<&PhotonMaps>, rays: &mut RayCounts| {
-            let source = CellSource { cells, photons: PhotonSource { maps, scene } };
-            let Settings { size, seed, .. } = *settings;
-            let need = CausticNeed { scene, maps, secondary: &source, size, side: budget.side, seed };
-            match other {
-                None => need.most_noise(plan.caustic_neighbours, rays),
-                Some(other) => need.noise(other, rays),
-            }
-        };
-        let most_noise = asked(maps, None, &mut statistics.rays);
-        if refined(most_noise).0 > plan.caustic_photons {
+        if refined(need.most_noise(maps, plan.caustic_neighbours)).0 > plan.caustic_photons {
+            let photons = photon_settings(settings, plan);
             let twin = maps.caustic_twin(scene, &photons);
-            let noise = asked(maps, Some(&twin), &mut statistics.rays);
+            let noise = need.noise(maps, &twin);
             // What was shot already is not thrown away.
             let both = CausticBudget::times(plan.caustic_photons, plan.caustic_neighbours, 2.0);
             let (caustic_count, caustic_neighbours) = refined(noise).max(both);

@@ -110,6 +110,16 @@ fn merge((mut a, counts_a): Shots, (mut b, counts_b): Shots) -> Shots {
     (a, counts)
 }
 
+/// The share of the disc of an estimate by caustics that is surface; 1 where there is no light.
+fn coverage(scene: &Scene, p: Vec3A, n: Vec3A, estimate: &Irradiance) -> f32 {
+    if estimate.irradiance == Vec3::ZERO {
+        return 1.0;
+    }
+    let bits = p.to_array().map(|x| u64::from(x.to_bits()));
+    let seed = hash_pair(hash_pair(bits[0], bits[1]), bits[2]);
+    covered_share(scene, p, n, estimate.radius, Kernel::Epanechnikov, seed)
+}
+
 /// The number of photons of one map.
 fn count(number: u64) -> u32 {
     u32::try_from(number).expect("counts are of 32 bits")
@@ -199,16 +209,12 @@ impl PhotonMaps {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn refine_caustics(&mut self, scene: &Scene, settings: &PhotonSettings) {
-        let has_use = settings.caustic && scene.features().delta && scene.features().diffuse;
-        let shot = self.caustic_counts.shot;
-        if has_use && u64::from(settings.caustic_count) > shot {
+        let features = scene.features();
+        let has_use = settings.caustic && features.delta && features.diffuse;
+        if has_use && u64::from(settings.caustic_count) > self.caustic_counts.shot {
             let start = Instant::now();
-            let more = self.shoot_caustics(scene, settings, shot, settings.caustic_count);
-            let all = match self.take_caustics() {
-                Some(known) => merge(known, more),
-                None => more,
-            };
-            self.spread(all, settings, start);
+            let known = self.take_caustics();
+            self.complete(known, scene, settings, start);
         }
     }
 
@@ -225,13 +231,18 @@ impl PhotonMaps {
     /// As [`Self::refine_caustics`], by way of what its twin has shot.
     pub(crate) fn join_caustics(&mut self, mut twin: Self, scene: &Scene, settings: &PhotonSettings) {
         let start = Instant::now();
-        let parts = [self.take_caustics(), twin.take_caustics()].into_iter().flatten();
-        let Some(mut all) = parts.reduce(merge) else { return };
-        let shot = all.1.shot;
-        if u64::from(settings.caustic_count) > shot {
-            all = merge(all, self.shoot_caustics(scene, settings, shot, settings.caustic_count));
+        let known = self.take_caustics().into_iter().chain(twin.take_caustics()).reduce(merge);
+        self.complete(known, scene, settings, start);
+    }
+
+    /// Makes the caustic map of what is known, and of what is shot until there is as much as the settings ask for.
+    fn complete(&mut self, known: Option<Shots>, scene: &Scene, settings: &PhotonSettings, start: Instant) {
+        let shot = known.as_ref().map_or(0, |(_, counts)| counts.shot);
+        let is_short = u64::from(settings.caustic_count) > shot;
+        let more = is_short.then(|| self.shoot_caustics(scene, settings, shot, settings.caustic_count));
+        if let Some(all) = known.into_iter().chain(more).reduce(merge) {
+            self.spread(all, settings, start);
         }
-        self.spread(all, settings, start);
     }
 
     /// Shoots photons from number `from` to number `to`.
@@ -272,26 +283,25 @@ impl PhotonMaps {
     /// the discs that is surface, found with a few short rays: beside edges it would be too dark.
     #[must_use]
     pub fn caustic_irradiance(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> Vec3 {
-        self.quick_caustic_irradiance(p, n) / self.caustic_coverage(scene, p, n)
+        let estimate = self.caustic_estimate(p, n);
+        estimate.irradiance / coverage(scene, p, n, &estimate)
     }
 
-    /// Returns the share of the discs of photons around `p` that is surface, of which a half is the least: 1 where there is none.
+    /// Returns the share of the discs of photons around `p` that is surface, in [1/16, 1]: 1 where there is none.
     #[must_use]
     pub fn caustic_coverage(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> f32 {
-        let radius = self.caustic.as_ref().map_or(0.0, |map| map.irradiance(p, n).radius);
-        if radius == 0.0 {
-            return 1.0;
-        }
-        let bits = p.to_array().map(|x| u64::from(x.to_bits()));
-        let seed = hash_pair(hash_pair(bits[0], bits[1]), bits[2]);
-        covered_share(scene, p, n, radius, Kernel::Epanechnikov, seed)
+        coverage(scene, p, n, &self.caustic_estimate(p, n))
     }
 
     /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet. Too dark within the radius of a disc of
     /// edges, by a half at most beside a straight one.
     #[must_use]
     pub fn quick_caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
-        self.caustic.as_ref().map_or(Irradiance::DARK, |map| map.irradiance(p, n)).irradiance
+        self.caustic_estimate(p, n).irradiance
+    }
+
+    fn caustic_estimate(&self, p: Vec3A, n: Vec3A) -> Irradiance {
+        self.caustic.as_ref().map_or(Irradiance::DARK, |map| map.irradiance(p, n))
     }
 
     /// Whether there is any caustic light to look up.
