@@ -6,6 +6,7 @@ mod bounds;
 mod bvh;
 mod camera;
 mod check;
+mod contact;
 mod description;
 mod environment;
 mod error;

@@ -100,12 +100,24 @@ impl Scene {
     #[must_use]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let hit = self.nearest(ray)?;
-        if ray.media.is_empty() { Some(hit) } else { self.unhidden(ray, hit) }
+        let hit = if ray.media.is_empty() { hit } else { self.unhidden(ray, hit)? };
+        Some(if self.features.transmissive && self.is_glass(&hit) { self.touched(ray, hit) } else { hit })
+    }
+
+    /// Whether light passes what was hit by itself.
+    #[inline]
+    pub(crate) fn is_glass(&self, hit: &Hit) -> bool {
+        let index = hit.primitive as usize;
+        let material = match index.checked_sub(self.triangles.len()) {
+            None => self.triangles.material(index),
+            Some(form) => self.forms[form].material,
+        };
+        matches!(self.materials[material as usize].specular, SpecularKind::Dielectric { .. })
     }
 
     /// Returns the nearest hit, whether or not something is hidden there.
     #[inline]
-    fn nearest(&self, ray: &Ray) -> Option<Hit> {
+    pub(crate) fn nearest(&self, ray: &Ray) -> Option<Hit> {
         let mut nearest =
             self.bvh.closest(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit));
         if !self.unbounded.is_empty() && ray.is_valid() {

@@ -93,7 +93,7 @@ impl Surface {
     }
 
     #[inline]
-    fn offset(&self, direction: Vec3A) -> Vec3A {
+    pub(crate) fn offset(&self, direction: Vec3A) -> Vec3A {
         offset(self.p, self.ng, self.p_error, direction)
     }
 
