@@ -17,7 +17,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
+use scene::{Lobes, Ray, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use super::guide::{Aim, DIMENSIONS, Guide, Pilot};
@@ -251,7 +251,7 @@ impl Shot {
                 self.photons.push(&surface, flux * received);
                 kept += 1;
             }
-            if kind == Kind::Caustic && !has_delta(&bsdf) {
+            if kind == Kind::Caustic && !bsdf.has_delta() {
                 balance.stopped += flux.as_dvec3();
                 return kept;
             }
@@ -293,10 +293,6 @@ impl Shot {
         balance.stopped += flux.as_dvec3();
         kept
     }
-}
-
-fn has_delta(bsdf: &Bsdf) -> bool {
-    matches!(bsdf.specular, Specular::Mirror { .. } | Specular::Dielectric { .. })
 }
 
 /// Returns |cos(w, n)| / |cos(w, ng)|: how much more light the shading normal makes of a flux than the surface receives.

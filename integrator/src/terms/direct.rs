@@ -225,7 +225,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         /// Ways behind the first surface that carry less are followed as seldom as they carry less, for glass may keep them long.
         const MIN_THROUGHPUT: f32 = 0.2;
         const MAX_CHAIN: usize = 64;
-        if !met.bsdf.is_delta() {
+        if !met.bsdf.has_delta() {
             return Vec3::ZERO;
         }
         let mut sampler = sampler.split();
@@ -246,7 +246,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
                 beta *= self.scene.transmittance(&surface);
                 sum += beta * self.scene.emission(&surface);
                 let next = Shading::new(self.scene, surface, ray.direction);
-                if next.bsdf.is_delta() && length + 1 < MAX_CHAIN {
+                if next.bsdf.has_delta() && length + 1 < MAX_CHAIN {
                     stack.push((next, beta, radiance_scale, length + 1));
                 }
             }

@@ -192,11 +192,18 @@ impl Bsdf {
         }
     }
 
+    /// Whether there is a delta lobe, be it over a diffuse part.
+    #[inline]
+    #[must_use]
+    pub fn has_delta(&self) -> bool {
+        matches!(self.specular, Specular::Mirror { .. } | Specular::Dielectric { .. })
+    }
+
     /// Whether there is no lobe but a delta one.
     #[inline]
     #[must_use]
     pub fn is_delta(&self) -> bool {
-        !self.has_diffuse() && matches!(self.specular, Specular::Mirror { .. } | Specular::Dielectric { .. })
+        !self.has_diffuse() && self.has_delta()
     }
 
     /// Whether there is a diffuse part.

@@ -47,13 +47,29 @@ fn terms_sum_to_the_picture_bit_for_bit() {
 
 #[test]
 fn terms_add_up_once() {
-    // Term by term, the other methods against the path tracer.
-    let scene = everything().build();
-    let path: Vec<Film> = (0..8).map(|seed| picture(&scene, Method::Path, 160, seed)).collect();
+    assert_terms(&everything().build(), &[Term::Direct, Term::Specular, Term::Caustic, Term::Indirect, Term::All]);
+}
+
+#[test]
+fn gloss_shows_lamps_in_mirrors_that_are_diffuse_too() {
+    let coated = Material { diffuse: Vec3::splat(0.2), ..mirror(0.6) };
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 3.0, Material { diffuse: Vec3::splat(0.3), ..gloss(0.1, 0.6) })
+        .square(Vec3::new(0.0, 2.0, 1.5), Vec3::NEG_Y, 1.5, coated)
+        .square(Vec3::new(0.0, -1.0, 2.5), Vec3::new(0.0, 0.5, -1.0), 0.4, lamp(6.0))
+        .sky(0.1)
+        .view(Vec3::new(0.3, -4.0, 2.0), Vec3::new(0.0, 0.6, 0.3), 40.0)
+        .build();
+    assert_terms(&scene, &[Term::Direct, Term::Specular, Term::All]);
+}
+
+/// Asserts that the other methods agree with the path tracer, term by term.
+fn assert_terms(scene: &Scene, terms: &[Term]) {
+    let path: Vec<Film> = (0..8).map(|seed| picture(scene, Method::Path, 160, seed)).collect();
     for method in [Method::Gather, Method::Reproject, Method::CacheOnly] {
         // One picture has so few records, or photons, that all of it may be a percent too bright.
-        let films: Vec<Film> = (9..13).map(|seed| picture(&scene, method, 16, seed)).collect();
-        for term in [Term::Direct, Term::Specular, Term::Caustic, Term::Indirect, Term::All] {
+        let films: Vec<Film> = (9..13).map(|seed| picture(scene, method, 16, seed)).collect();
+        for &term in terms {
             let [(expected, path_error), (found, own_error)] = [&path, &films].map(|films| mean_of(films, term));
             let (ratio, error) = (found / expected, path_error.hypot(own_error));
             print(&format!("{term:?}, {}: {ratio:.5} of path's, +- {error:.5}", method.name()));
