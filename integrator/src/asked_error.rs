@@ -21,7 +21,10 @@ use scene::Scene;
 
 use crate::metrics;
 use crate::sampler::{Sampler, hash_pair};
-use crate::{Film, Method, PathTracer, Progress, RayCounts, Rendering, Settings, SettingsError, Statistics, render};
+use crate::{
+    Film, Method, PathTracer, Progress, QUALITY_RANGE, RayCounts, Rendering, Settings, SettingsError, Statistics,
+    render,
+};
 
 /// Least and greatest relative error that may be asked for.
 pub const ERROR_RANGE: (f32, f32) = (0.001, 1.0);
@@ -33,6 +36,10 @@ const PASSES: u32 = 4;
 /// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough; and at least that part of it.
 const GROWTH: f32 = 4.0;
 const MAX_ROUNDS: u32 = 12;
+/// Where the bias alone is too large, and is still more than this share of what it was, in so many rounds one after the other, more of them are in vain: it is light that
+/// paths or caches do not see at all, such as that of a point lamp behind glass.
+const STALLED: f32 = 0.8;
+const MAX_STALLED: u32 = 2;
 
 /// Pixels along a side of the grid of those that paths verify.
 const CONTROL_SIDE: u32 = 16;
@@ -103,8 +110,9 @@ pub fn render_to_error(
     let mut passes = Passes::new(settings.size);
     let mut controls = Controls::new(settings);
     let mut statistics = Statistics::default();
-    let mut quality = settings.quality / PASSES as f32;
-    let mut round = 0;
+    let (least, most) = QUALITY_RANGE;
+    let mut quality = (settings.quality / PASSES as f32).max(least);
+    let (mut round, mut stalled, mut last_bias) = (0, 0, f32::INFINITY);
     loop {
         round += 1;
         for _ in 0..PASSES {
@@ -123,14 +131,16 @@ pub fn render_to_error(
             });
         }
         let estimate = measure.estimate(bias_sq, error, passes.count);
-        let most = crate::QUALITY_RANGE.1;
-        if estimate.is_reached || round == MAX_ROUNDS || quality >= most {
+        let is_hopeless = student(f32::INFINITY) * estimate.bias > error;
+        stalled = if is_hopeless && estimate.bias > STALLED * last_bias { stalled + 1 } else { 0 };
+        last_bias = estimate.bias;
+        if estimate.is_reached || round == MAX_ROUNDS || quality >= most || stalled == MAX_STALLED {
             statistics.render_seconds = start.elapsed().as_secs_f64();
             return Ok((Rendering { film: passes.film, statistics }, estimate));
         }
         let excess = estimate.excess(error);
         let missing = passes.weight * (excess * excess - 1.0) / PASSES as f32;
-        quality = missing.clamp(quality / GROWTH, GROWTH * quality).min(most);
+        quality = missing.clamp(quality / GROWTH, GROWTH * quality).clamp(least, most);
     }
 }
 
