@@ -11,7 +11,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 30] = [
+const SWITCHES: [(&str, &str); 31] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -29,6 +29,7 @@ const SWITCHES: [(&str, &str); 30] = [
     ("reach=distance", "records of irradiance reach 0.3 of the harmonic mean distance"),
     ("gradients=off", "records of irradiance without gradients"),
     ("walls=off", "records of irradiance reach through walls"),
+    ("clamp=off", "records of irradiance reach as far as they say, whatever their neighbours do"),
     ("gaps=off", "records of irradiance reach into thin gaps"),
     ("limit=off", "records reach farther than a quarter of the picture"),
     ("trail=silhouettes", "trails as long as the way of their silhouettes"),

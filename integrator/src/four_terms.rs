@@ -47,7 +47,7 @@ pub(crate) fn render<S: Secondary>(
         witness,
     };
     let mut index = radcache::Index::new(plan.validity(0.0));
-    let mut irradiance = irradiance_cache::Index::default();
+    let mut irradiance = irradiance_cache::Index::new(plan.clamp);
     let mut counts = Counts::default();
     let mut samples = 0;
     let rows = (BAND_PIXELS / settings.size.x).max(1);

@@ -55,6 +55,23 @@ impl<S: Secondary> Gatherer<'_, S> {
         samples
     }
 
+    /// The mean radiance over the cosine-weighted hemisphere, of what stands at a distance and of what is infinitely far, by `n x n` stratified rays: for a place of which
+    /// no record is made.
+    pub(crate) fn mean_radiance(&self, surface: &Surface, n: usize, key: u64, rays: &mut RayCounts) -> [Vec3; 2] {
+        let frame = Frame::from_normal(surface.n);
+        let mut jitter = Rng::new(self.seed, key);
+        let mut sum = [Vec3::ZERO; 2];
+        for texel in 0..n * n {
+            let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
+            let wi = frame.to_world(hemimap::square_to_cosine_hemisphere((place + jitter.next_2d()) / n as f32));
+            let mut sampler = Sampler::alone(self.seed, hash_pair(key, texel as u64));
+            let (traced, _) = self.incident(surface, wi, &mut sampler, rays);
+            sum[usize::from(traced.distance.is_infinite())] += traced.radiance;
+        }
+        rays.gather += (n * n) as u64;
+        sum.map(|part| part / (n * n) as f32)
+    }
+
     /// Divides the texels where the sky ends, and those between bright and dark, and looks through each part: one ray a texel would measure the area of what
     /// is bright there too roughly.
     fn refine(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
@@ -124,11 +141,11 @@ impl<S: Secondary> Gatherer<'_, S> {
     }
 }
 
-/// Whether what leaves a surface depends so much on the direction that another point sees something else: a narrow lobe.
+/// Whether what leaves a surface depends so much on the direction that another point sees something else: a narrow lobe, a mirror or glass.
 fn has_highlight(bsdf: &Bsdf) -> bool {
     /// Wider lobes change less over the reach of a record than the texture blurs.
     const WIDE: f32 = 0.5;
-    matches!(bsdf.specular, Specular::Ggx { alpha, .. } if alpha < WIDE)
+    bsdf.has_delta() || matches!(bsdf.specular, Specular::Ggx { alpha, .. } if alpha < WIDE)
 }
 
 /// A highlight is so many times brighter than the mean.

@@ -33,9 +33,10 @@ pub(crate) struct Plan {
     pub(crate) reprojected_error: f32,
     /// Whether records of irradiance reach as far as the Hessian says.
     pub(crate) by_hessian: bool,
-    /// Whether they know the gradients, stop at walls and leave gaps to others.
+    /// Whether they know the gradients, stop at walls, reach little farther than their neighbours and leave gaps to others.
     pub(crate) gradients: bool,
     pub(crate) walls: bool,
+    pub(crate) clamp: bool,
     pub(crate) gaps: bool,
     /// How far any record reaches, as a share of the scene, and of what the picture shows there.
     pub(crate) max_share: f32,
@@ -177,6 +178,7 @@ impl Plan {
             by_hessian: study.by_distance != Some(true),
             gradients: study.gradients != Some(false),
             walls: study.walls != Some(false),
+            clamp: study.clamp != Some(false),
             gaps: study.gaps != Some(false),
             max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
             divide: study.divide != Some(false),

@@ -4,7 +4,7 @@ use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{ERROR_RANGE, Study};
+use crate::{ERROR_RANGE, Study, StudyError};
 
 /// Largest picture, pixels.
 pub const MAX_PIXELS: u64 = 1 << 28;
@@ -115,7 +115,7 @@ impl Settings {
         if !(QUALITY_RANGE.0..=QUALITY_RANGE.1).contains(&self.quality) {
             return Err(SettingsError::Quality(self.quality));
         }
-        Ok(())
+        Ok(self.study.validate()?)
     }
 
     /// Returns the samples a pixel of the path tracer: `spp`, or 256 times `quality`.
@@ -137,9 +137,6 @@ impl Settings {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// The method.
-    #[error("method {}: not built yet", .0.name())]
-    Method(Method),
     /// A side of the picture.
     #[error("size {width}x{height}: each side must lie between 1 and {MAX_SIDE} pixels")]
     Size {
@@ -173,6 +170,9 @@ pub enum SettingsError {
     /// The error asked for, see [`render_to_error`](crate::render_to_error).
     #[error("error {0}: must lie between {min} and {max}", min = ERROR_RANGE.0, max = ERROR_RANGE.1)]
     Error(f32),
+    /// A single setting.
+    #[error(transparent)]
+    Study(#[from] StudyError),
 }
 
 #[cfg(test)]

@@ -59,6 +59,8 @@ pub struct Study {
     pub gradients: Option<bool>,
     /// Whether records of irradiance stop at walls that they met near their horizon.
     pub walls: Option<bool>,
+    /// Whether records of irradiance reach no farther than their neighbours and the way to these.
+    pub clamp: Option<bool>,
     /// Whether thin gaps take records of irradiance of their own.
     pub gaps: Option<bool>,
     /// Whether records reach no farther than a quarter of the scene and of what the picture shows there.
@@ -77,14 +79,68 @@ pub struct Study {
     pub secondary: Option<SecondaryKind>,
 }
 
+/// What a setting takes, and where it is kept.
+enum Kind {
+    /// A whole number in a range.
+    Whole(fn(&mut Study) -> &mut Option<u32>, u32, u32),
+    /// A number in a range.
+    Real(fn(&mut Study) -> &mut Option<f32>, f32, f32),
+    /// One of two words: what is kept is whether it is the first.
+    Either(fn(&mut Study) -> &mut Option<bool>, &'static str, &'static str),
+    /// What leaves trails.
+    Trails,
+    /// Where gather rays take light from.
+    Secondary,
+}
+
+use Kind::{Either, Real, Whole};
+
+/// The setting is on or off.
+const fn switch(place: fn(&mut Study) -> &mut Option<bool>) -> Kind {
+    Either(place, "on", "off")
+}
+
+/// All settings, by the names that the command line writes.
+const SETTINGS: [(&str, Kind); 31] = [
+    ("resolution", Whole(|study| &mut study.resolution, 1, 64)),
+    ("spacing", Real(|study| &mut study.spacing, 0.001, 10.0)),
+    ("error", Real(|study| &mut study.error, 1e-9, 1.0)),
+    ("layers", Whole(|study| &mut study.layers, 2, 256)),
+    ("merge", Whole(|study| &mut study.merge, 1, 64)),
+    ("sides", Either(|study| &mut study.even_sides, "even", "adaptive")),
+    ("depth", Either(|study| &mut study.by_layer, "layer", "parallax")),
+    ("step", Whole(|study| &mut study.step, 1, 64)),
+    ("verify", Whole(|study| &mut study.verify, 0, 8)),
+    ("light-samples", Whole(|study| &mut study.light_samples, 1, 1024)),
+    ("light-guide", switch(|study| &mut study.light_guide)),
+    ("lobe-rays", Whole(|study| &mut study.lobe_rays, 1, 1024)),
+    ("lobe-guide", switch(|study| &mut study.lobe_guide)),
+    ("lobe-reuse", switch(|study| &mut study.lobe_reuse)),
+    ("texture-alpha", Real(|study| &mut study.texture_alpha, 0.0, 2.0)),
+    ("photons", Whole(|study| &mut study.photons, 1, 100_000_000)),
+    ("coverage", Either(|study| &mut study.rectangles, "rect", "quad")),
+    ("trail", Kind::Trails),
+    ("weights", Either(|study| &mut study.count_bits, "bits", "areas")),
+    ("reach", Either(|study| &mut study.by_distance, "distance", "hessian")),
+    ("gradients", switch(|study| &mut study.gradients)),
+    ("walls", switch(|study| &mut study.walls)),
+    ("clamp", switch(|study| &mut study.clamp)),
+    ("gaps", switch(|study| &mut study.gaps)),
+    ("limit", switch(|study| &mut study.limit)),
+    ("divide", switch(|study| &mut study.divide)),
+    ("highlights", switch(|study| &mut study.highlights)),
+    ("margins", switch(|study| &mut study.margins)),
+    ("doubt", switch(|study| &mut study.doubt)),
+    ("samples", Either(|study| &mut study.even_samples, "even", "adaptive")),
+    ("secondary", Kind::Secondary),
+];
+
 /// A setting for study that does not exist or is out of its range.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum StudyError {
     /// No setting of this name.
-    #[error(
-        "{0}: there is no such setting; it is one of resolution, spacing, error, layers, merge, sides, depth, step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage, trail, weights, reach, gradients, walls, gaps, limit, divide, highlights, margins, doubt, samples, secondary"
-    )]
+    #[error("{0}: there is no such setting; it is one of {names}", names = Study::names().collect::<Vec<_>>().join(", "))]
     Unknown(String),
     /// A value that is not among those of the setting.
     #[error("{name} {value}: must be {expected}")]
@@ -99,6 +155,11 @@ pub enum StudyError {
 }
 
 impl Study {
+    /// Returns the names of all settings, as [`Self::set`] takes them.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        SETTINGS.iter().map(|(name, _)| *name)
+    }
+
     /// Sets one setting from text, as the command line writes it.
     ///
     /// # Errors
@@ -112,45 +173,44 @@ impl Study {
     /// assert!(study.set("layers", "1000").is_err());
     /// ```
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), StudyError> {
-        match name {
-            "resolution" => self.resolution = Some(number(name, value, 1, 64)?),
-            "spacing" => self.spacing = Some(number(name, value, 0.001, 10.0)?),
-            "error" => self.error = Some(number(name, value, 1e-9, 1.0)?),
-            "layers" => self.layers = Some(number(name, value, 2, 256)?),
-            "merge" => self.merge = Some(number(name, value, 1, 64)?),
-            "sides" => self.even_sides = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
-            "depth" => self.by_layer = Some(choice(name, value, [("layer", true), ("parallax", false)])?),
-            "step" => self.step = Some(number(name, value, 1, 64)?),
-            "verify" => self.verify = Some(number(name, value, 0, 8)?),
-            "light-samples" => self.light_samples = Some(number(name, value, 1, 1024)?),
-            "light-guide" => self.light_guide = Some(switch(name, value)?),
-            "lobe-rays" => self.lobe_rays = Some(number(name, value, 1, 1024)?),
-            "lobe-guide" => self.lobe_guide = Some(switch(name, value)?),
-            "lobe-reuse" => self.lobe_reuse = Some(switch(name, value)?),
-            "texture-alpha" => self.texture_alpha = Some(number(name, value, 0.0, 2.0)?),
-            "photons" => self.photons = Some(number(name, value, 1, 100_000_000)?),
-            "coverage" => self.rectangles = Some(choice(name, value, [("rect", true), ("quad", false)])?),
-            "trail" => {
+        let setting = SETTINGS.iter().find(|(known, _)| *known == name);
+        let (name, kind) = setting.ok_or_else(|| StudyError::Unknown(name.to_owned()))?;
+        match *kind {
+            Whole(place, min, max) => *place(self) = Some(number(name, value, min, max)?),
+            Real(place, min, max) => *place(self) = Some(number(name, value, min, max)?),
+            Either(place, first, second) => {
+                *place(self) = Some(choice(name, value, [(first, true), (second, false)])?);
+            }
+            Kind::Trails => {
                 let known =
                     [("all", Trails::All), ("silhouettes", Trails::Silhouettes), ("uncovered", Trails::Uncovered)];
                 self.trails = Some(choice(name, value, known)?);
             }
-            "weights" => self.count_bits = Some(choice(name, value, [("bits", true), ("areas", false)])?),
-            "reach" => self.by_distance = Some(choice(name, value, [("distance", true), ("hessian", false)])?),
-            "gradients" => self.gradients = Some(switch(name, value)?),
-            "walls" => self.walls = Some(switch(name, value)?),
-            "gaps" => self.gaps = Some(switch(name, value)?),
-            "limit" => self.limit = Some(switch(name, value)?),
-            "divide" => self.divide = Some(switch(name, value)?),
-            "highlights" => self.highlights = Some(switch(name, value)?),
-            "margins" => self.margins = Some(switch(name, value)?),
-            "doubt" => self.doubt = Some(switch(name, value)?),
-            "samples" => self.even_samples = Some(choice(name, value, [("even", true), ("adaptive", false)])?),
-            "secondary" => {
-                let kinds = [SecondaryKind::Cells, SecondaryKind::Photons, SecondaryKind::Paths];
-                self.secondary = Some(choice(name, value, ["cells", "photons", "paths"].into_iter().zip(kinds))?);
+            Kind::Secondary => {
+                let kinds = [
+                    ("cells", SecondaryKind::Cells),
+                    ("photons", SecondaryKind::Photons),
+                    ("paths", SecondaryKind::Paths),
+                ];
+                self.secondary = Some(choice(name, value, kinds)?);
             }
-            _ => return Err(StudyError::Unknown(name.to_owned())),
+        }
+        Ok(())
+    }
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    ///
+    /// The first that is out of its range, by name.
+    pub fn validate(&self) -> Result<(), StudyError> {
+        let mut study = *self;
+        for (name, kind) in &SETTINGS {
+            match *kind {
+                Whole(place, min, max) => is_within(name, *place(&mut study), min, max)?,
+                Real(place, min, max) => is_within(name, *place(&mut study), min, max)?,
+                Either(..) | Kind::Trails | Kind::Secondary => {}
+            }
         }
         Ok(())
     }
@@ -184,8 +244,14 @@ fn number<T: FromStr + PartialOrd + Display>(name: &str, value: &str, min: T, ma
     }
 }
 
-fn switch(name: &str, value: &str) -> Result<bool, StudyError> {
-    choice(name, value, [("on", true), ("off", false)])
+fn is_within<T: PartialOrd + Display>(name: &str, value: Option<T>, min: T, max: T) -> Result<(), StudyError> {
+    match value {
+        // Written so that NaN is refused.
+        Some(value) if !(value >= min && value <= max) => {
+            Err(refused(name, &value.to_string(), format!("a number from {min} to {max}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn choice<T: Copy>(
@@ -206,51 +272,42 @@ fn refused(name: &str, value: &str, expected: String) -> StudyError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Settings;
 
     #[test]
     fn every_setting_takes_a_value_and_refuses_nonsense() {
-        let good = [
-            ("resolution", "16"),
-            ("spacing", "0.3"),
-            ("error", "1e-6"),
-            ("layers", "32"),
-            ("merge", "1"),
-            ("sides", "even"),
-            ("depth", "layer"),
-            ("step", "3"),
-            ("verify", "0"),
-            ("light-samples", "4"),
-            ("light-guide", "off"),
-            ("lobe-rays", "4"),
-            ("lobe-guide", "off"),
-            ("lobe-reuse", "off"),
-            ("texture-alpha", "0.5"),
-            ("photons", "1000"),
-            ("coverage", "rect"),
-            ("trail", "all"),
-            ("weights", "bits"),
-            ("reach", "distance"),
-            ("gradients", "off"),
-            ("walls", "off"),
-            ("gaps", "off"),
-            ("limit", "off"),
-            ("divide", "off"),
-            ("highlights", "off"),
-            ("trail", "silhouettes"),
-            ("margins", "off"),
-            ("doubt", "off"),
-            ("samples", "even"),
-            ("secondary", "photons"),
-        ];
+        let text = |kind: &Kind| match *kind {
+            Whole(_, min, max) => [min.to_string(), max.to_string()],
+            Real(_, min, max) => [min.to_string(), max.to_string()],
+            Either(_, first, second) => [first.to_owned(), second.to_owned()],
+            Kind::Trails => ["all".to_owned(), "uncovered".to_owned()],
+            Kind::Secondary => ["photons".to_owned(), "paths".to_owned()],
+        };
+        let good = SETTINGS.iter().flat_map(|(name, kind)| text(kind).map(|value| (*name, value)));
         for (name, value) in good {
             let mut study = Study::default();
-            assert_eq!(study.set(name, value), Ok(()), "{name}");
+            assert_eq!(study.set(name, &value), Ok(()), "{name} {value}");
             assert_ne!(study, Study::default(), "{name} changes something");
+            assert_eq!(study.validate(), Ok(()), "{name} {value}");
             for nonsense in ["", "-1", "nan", "many", "1e99"] {
                 let error = study.set(name, nonsense).unwrap_err().to_string();
                 assert!(error.starts_with(name), "{error}");
             }
         }
-        assert!(Study::default().set("speed", "9").unwrap_err().to_string().contains("speed"), "by name");
+        let unknown = Study::default().set("speed", "9").unwrap_err().to_string();
+        assert!(unknown.contains("speed") && Study::names().all(|name| unknown.contains(name)), "{unknown}");
+    }
+
+    #[test]
+    fn fields_out_of_their_ranges_are_refused_by_name() {
+        for (study, name) in [
+            (Study { resolution: Some(100), ..Study::default() }, "resolution 100"),
+            (Study { light_samples: Some(0), ..Study::default() }, "light-samples 0"),
+            (Study { spacing: Some(f32::NAN), ..Study::default() }, "spacing NaN"),
+        ] {
+            let settings = Settings { study, ..Settings::default() };
+            let error = settings.validate().unwrap_err().to_string();
+            assert!(error.contains(name), "{error}");
+        }
     }
 }

@@ -35,6 +35,13 @@ pub(crate) fn fill<S: Secondary>(
     let points = lattice.points();
     let mut values: Vec<Option<Incident>> =
         points.iter().map(|point| (!term.asks(point)).then(Incident::default)).collect();
+    // What is seen so flatly that no record could reach the ends of its pixel.
+    let is_beyond = |&number: &usize| values[number].is_none() && is_beyond_records(&points[number], term);
+    let beyond: Vec<usize> = (0..points.len()).filter(is_beyond).collect();
+    counts.gathered += beyond.len() as u64;
+    for (number, incident) in term.look_over(points, beyond, counts) {
+        values[number] = Some(incident);
+    }
     let mut has_looked = vec![false; points.len()];
     let places: Vec<Place> =
         points.par_iter().zip(&values).map(|(point, value)| place(term, point, value.is_none())).collect();
@@ -51,7 +58,9 @@ pub(crate) fn fill<S: Secondary>(
             others.into_iter().partition(|&number| lattice.is_middle(number, stride));
         for batch in [middles, sides] {
             let frozen = &*index;
-            let alone = batch.into_par_iter().filter(|&number| !frozen.covers(&places[number], PLACE)).collect();
+            // The record of a long point may not reach its middle, but a second one would be the same.
+            let is_alone = |&number: &usize| !has_looked[number] && !frozen.covers(&places[number], PLACE);
+            let alone = batch.into_par_iter().filter(is_alone).collect();
             for (number, look) in ask(alone, stride, counts) {
                 has_looked[number] = true;
                 index.extend(look.record);
@@ -86,6 +95,13 @@ pub(crate) fn fill<S: Secondary>(
         })
     };
     (0..points.len()).into_par_iter().map(rest).collect()
+}
+
+/// Whether a point that is seen directly and needs no texture is so long that a record at its middle cannot reach its ends, however evenly it is lit.
+fn is_beyond_records<S: Secondary>(point: &SurfacePoint, term: &IndirectTerm<'_, S>) -> bool {
+    point.chain == 0
+        && point.half_length() > term.plan.max_reach(point.footprint)
+        && !needs_texture(&point.shading, term.plan)
 }
 
 /// Whether a point that is seen directly may be longer than some record around it tells of, or no record is around it.

@@ -12,7 +12,12 @@ pub(crate) struct Index {
     /// What tells quickly that a record is too far off, for each.
     balls: Vec<Ball>,
     grid: BallGrid,
+    /// Wider balls, in which records limit each other; none where they do not.
+    neighbours: Option<BallGrid>,
 }
+
+/// Records limit those that are nearer than so many times their own reach: as those between do so too, that is enough.
+const NEIGHBOURHOOD: f32 = 3.0;
 
 /// Where a record reaches at most.
 #[derive(Debug, Clone, Copy)]
@@ -24,15 +29,43 @@ struct Ball {
 }
 
 impl Index {
+    /// Returns an index without records, in which neighbours limit each other's reach or do not.
+    pub(crate) fn new(clamps: bool) -> Self {
+        Self { neighbours: clamps.then(BallGrid::default), ..Self::default() }
+    }
+
     /// Enters records in order.
     pub(crate) fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
-        for record in records {
+        for mut record in records {
+            self.clamp_to_neighbours(&mut record);
             let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
             self.grid.insert(number, record.centre(), record.reach());
             let reach_sq = record.reach() * record.reach();
             self.balls.push(Ball { centre: record.centre(), reach_sq, normal: record.normal().into() });
             self.records.push(record);
         }
+    }
+
+    /// Limits the reach of a new record by that of its neighbours, and theirs by its own: none reaches farther than another and the way to that (neighbour clamping, Krivanek et al.
+    /// 2006, *Making radiance and irradiance caching practical*). Else those that by chance see little of what is bright would reach farthest and have the greatest say.
+    fn clamp_to_neighbours(&mut self, record: &mut Record) {
+        let Some(neighbours) = &mut self.neighbours else { return };
+        let around = || neighbours.near(record.centre()).map(|number| number as usize);
+        let faces = |other: &Record| other.normal().dot(record.normal()) >= MIN_NORMAL_COS;
+        let way = |other: &Record| other.centre().distance(record.centre());
+        let others = around().map(|number| &self.records[number]).filter(|other| faces(other));
+        let limit = others.map(|other| other.least_reach() + way(other)).fold(f32::INFINITY, f32::min);
+        let reach = record.least_reach().min(limit);
+        for number in around() {
+            let other = &mut self.records[number];
+            if faces(other) {
+                other.clamp_reach(reach + way(other));
+                self.balls[number].reach_sq = other.reach() * other.reach();
+            }
+        }
+        let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
+        neighbours.insert(number, record.centre(), NEIGHBOURHOOD * reach);
+        record.clamp_reach(limit);
     }
 
     /// Whether some record is within `distance` of a place, see [`Record::distance`].
@@ -74,6 +107,7 @@ impl Index {
     /// Bytes that records and cells take, about.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.grid.memory_bytes()
+            + self.neighbours.as_ref().map_or(0, BallGrid::memory_bytes)
             + self.balls.len() * size_of::<Ball>()
             + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }

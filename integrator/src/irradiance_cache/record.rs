@@ -143,6 +143,15 @@ impl Record {
         Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], clearance, guards }
     }
 
+    /// Reaches no farther than so many metres where it reaches least, and less in proportion elsewhere.
+    pub(crate) fn clamp_reach(&mut self, least: f32) {
+        if least < self.radii[0] {
+            let share = least / self.radii[0];
+            self.radii = self.radii.map(|radius| share * radius);
+            self.ellipse = self.ellipse.scaled(1.0 / (share * share));
+        }
+    }
+
     /// Where it was made, world space, metres.
     pub(crate) fn centre(&self) -> Vec3A {
         self.centre

@@ -298,11 +298,14 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     ) -> (Option<Record>, Look, RayCounts) {
         /// A record must reach at least so many times as far as one of irradiance that the first look makes.
         const REPAID: f32 = 0.7;
+        /// And so many times the half length of its point: one that hardly reaches the next pixel serves nobody.
+        const LONG: f32 = 3.0;
         let surface = &point.shading.surface;
         let mut rays = RayCounts::default();
         let validity: Validity = self.plan.validity(point.footprint);
         let (samples, frame, look) = self.look_for_itself(point, look_n, weights, &mut rays);
-        let enough = look.record.as_ref().map_or(0.0, |record| REPAID * record.reach());
+        let beside = LONG * point.half_length();
+        let enough = look.record.as_ref().map_or(0.0, |record| (REPAID * record.reach()).max(beside));
         // Highlights are traced anew wherever the record is reprojected.
         let marked = samples.view_dependent.iter().filter(|marked| **marked).count() as f32;
         let holes = marked / samples.view_dependent.len() as f32;

@@ -5,7 +5,6 @@
 //! them, and with about as many rays in all as one look takes.
 
 use glam::Vec3;
-use hemimap::Frame;
 use rayon::prelude::*;
 use scene::Surface;
 
@@ -45,9 +44,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let n = round_up(self.plan.look_n as f32 * share.sqrt());
         let mut sum = [Vec3::ZERO; 2];
         for (place, key) in places.iter().zip(0..) {
-            let frame = Frame::from_normal(place.n);
-            let samples = self.gatherer.gather(place, &frame, n, hash_pair(point.key, key), rays);
-            let light = samples.mean_radiance_by_distance();
+            let light = self.gatherer.mean_radiance(place, n, hash_pair(point.key, key), rays);
             sum[0] += light[0];
             sum[1] += light[1];
         }
