@@ -4,6 +4,7 @@
 
 mod build;
 mod closed_forms;
+pub mod graded;
 mod measure;
 mod shapes;
 mod study;

@@ -3,14 +3,12 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use scene::Scene;
+use tests::graded::{Graded, wedge};
 use tests::{Builder, Effort, METHODS, Pictures, Term, lambert, measure};
 
 #[test]
 fn wedge_has_constant_irradiance() {
-    // Two half-planes of albedo rho meet at phi under a sky of 1: E = pi (1 - cos phi) / 2 / (1 - rho (1 + cos phi) / 2), at every
-    // distance d from the seam. Planes that end at X err by d / (2 X): X is 1e4 d, and 100 where the same planes are seen from nearer
-    // and nearer.
+    // Planes that end at X err by d / (2 X): X is 1e4 d, and 100 where the same planes are seen from nearer and nearer.
     let cases = [
         (90.0, 0.5, 1.0, 1e4),
         (90.0, 0.5, 1e-6, 1e-2),
@@ -22,31 +20,15 @@ fn wedge_has_constant_irradiance() {
         (150.0, 0.8, 1e-3, 100.0),
     ];
     for (degrees, rho, distance, end) in cases {
-        let scene = wedge(degrees, rho, end, distance);
-        let (cos, rho) = (f64::from(degrees).to_radians().cos(), f64::from(rho));
-        let irradiance = PI * (1.0 - cos) / 2.0 / (1.0 - rho * (1.0 + cos) / 2.0);
+        let Graded { scene, known } = wedge(degrees, rho, end, distance, 60.0);
         // The light of a narrow wedge has been reflected some five times, so that each solution for it is one percent off.
         let seeds = if degrees == 30.0 { 8 } else { 2 };
         let effort = Effort { path_spp: 128, spp: 4, seeds, quality: 1.0, ..Effort::default() };
         for method in METHODS {
-            let measured = measure(&scene, method, &effort, |_| rho * irradiance / PI);
+            let measured = measure(&scene, method, &effort, &known);
             measured.assert_holds(&format!("{degrees} degrees, {distance} from the seam of planes of {end}"));
         }
     }
-}
-
-/// Half-planes that meet in the y axis and end at `end`, seen from inside at `distance` from the seam.
-fn wedge(degrees: f32, albedo: f32, end: f32, distance: f32) -> Scene {
-    let (sin, cos) = degrees.to_radians().sin_cos();
-    let edge = [Vec3::new(0.0, end, 0.0), Vec3::new(0.0, -end, 0.0)];
-    let other = Vec3::new(cos, 0.0, sin) * end;
-    let at = Vec3::X * distance;
-    Builder::default()
-        .polygon(&[edge[1], edge[1] + Vec3::X * end, edge[0] + Vec3::X * end, edge[0]], lambert(albedo))
-        .polygon(&[edge[0], edge[0] + other, edge[1] + other, edge[1]], lambert(albedo))
-        .sky(1.0)
-        .view(at + Vec3::new(0.1, 0.1, 0.25) * distance, at, 30.0)
-        .build()
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use integrator::{Film, Method};
+use tests::graded::{Graded, slit};
 use tests::{Builder, Effort, METHODS, Pictures, black, cuboid, lambert, measure, print};
 
 /// Two rooms 2 x 2 x 2 without a ceiling on either side of a wall of the given thickness around x = 0, a light in the one at x > 0,
@@ -63,21 +64,11 @@ fn no_leak_through_a_thin_wall() {
 
 #[test]
 fn thin_gap_lets_in_what_it_must() {
-    // A slit of height h over a floor, open to the sky at x = 0: E = pi (1 - d / sqrt(d^2 + h^2)) / 2 at depth d.
-    let end = 1e3;
     for height in [1.0, 0.1] {
-        let floor = [(0.0, -end), (end, -end), (end, end), (0.0, end)].map(|(x, y)| Vec3::new(x, y, 0.0));
-        let roof = [(0.0, end), (end, end), (end, -end), (0.0, -end)].map(|(x, y)| Vec3::new(x, y, height));
-        let scene = Builder::default()
-            .polygon(&floor, lambert(0.5))
-            .polygon(&roof, black())
-            .sky(1.0)
-            .view(Vec3::new(1.2, 0.1, 0.8 * height), Vec3::X, 4.0)
-            .build();
-        let known = |p: DVec3| 0.25 * (1.0 - p.x / p.x.hypot(f64::from(height)));
+        let Graded { scene, known } = slit(height);
         let effort = Effort { path_spp: 256, spp: 4, seeds: 48, quality: 1.0, ..Effort::default() };
         for method in METHODS {
-            let (measured, what) = (measure(&scene, method, &effort, known), format!("slit of {height}"));
+            let (measured, what) = (measure(&scene, method, &effort, &known), format!("slit of {height}"));
             if height == 1.0 || method == Method::Path {
                 measured.assert_holds(&what);
             } else {
