@@ -1,6 +1,6 @@
 //! What a point sees by a reprojection, as samples of its own.
 
-use glam::{Mat3A, Vec3, Vec3A};
+use glam::{Mat3A, Vec2, Vec3, Vec3A};
 use radcache::{Elements, Record, Samples};
 
 use crate::Workspace;
@@ -49,6 +49,9 @@ impl Workspace {
         if samples.resolution() != n {
             *samples = Samples::new(n);
         }
+        // What samples of the same size held before.
+        (0..n * n).for_each(|texel| samples.set_jitter(texel, Vec2::splat(0.5)));
+        samples.view_dependent.fill(false);
         self.find_owners();
         let (elements, centres) = (record.elements(), self.centres.of(n));
         self.planes.clear();

@@ -2,7 +2,7 @@
 
 mod rooms;
 
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use hemimap::Frame;
 use radcache::{MergeSettings, RecordSettings, Samples};
 use reproject::{Settings, Workspace};
@@ -34,6 +34,26 @@ fn at_its_own_place_a_record_gives_back_its_samples() {
         let same = found == known || (found / known - 1.0).abs() < 0.1;
         assert!(same, "texel {texel} lies at {found} instead of {known}");
     }
+}
+
+#[test]
+fn nothing_is_left_of_what_the_buffer_held() {
+    let scene = Scene::clutter(60);
+    let look = |p, wi| scene.look(p, wi);
+    let from = Vec3A::new(0.1, -0.2, -0.999);
+    let record = record_in(look, from, FRAME, 16, &RecordSettings::default());
+    let p = from + Vec3A::X * (0.5 * record.radius());
+    let mut workspace = Workspace::new();
+    workspace.project(&record, p, Vec3A::Z, &Settings::default());
+    workspace.trace_holes(1, 0, &mut Rays(p, look));
+    let (mut fresh, mut used) = (Samples::new(16), Samples::new(16));
+    for texel in 0..16 * 16 {
+        used.set_jitter(texel, Vec2::new(0.1, 0.9));
+        used.view_dependent[texel] = true;
+    }
+    workspace.samples(&record, &mut fresh);
+    workspace.samples(&record, &mut used);
+    assert_eq!(used, fresh, "rays through the centres of texels, and light that others may take");
 }
 
 #[test]
