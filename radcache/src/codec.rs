@@ -1,6 +1,7 @@
 //! Records as bytes: a header with magic, version and checksum, then the records. Everything is checked when it is read.
 
-use crate::{Elements, Record, Samples};
+use crate::Record;
+use crate::read::{Unchecked, check};
 
 /// Version of the format; all others are refused, for records are quickly made anew.
 pub const FORMAT_VERSION: u32 = 2;
@@ -67,91 +68,19 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Vec<Record>, CodecError> {
     if word(12) != crc32fast::hash(body) {
         return Err(CodecError::Checksum);
     }
-    let records: Vec<Record> = postcard::from_bytes(body)?;
-    for (number, record) in records.iter().enumerate() {
-        check(record).map_err(|what| CodecError::Invalid { record: number, what })?;
-    }
-    Ok(records)
-}
-
-fn check(record: &Record) -> Result<(), &'static str> {
-    let ensure = |holds: bool, what| if holds { Ok(()) } else { Err(what) };
-    ensure(record.centre.is_finite(), "its centre is not finite")?;
-    let [s, t, n] = record.frame;
-    let orthonormal =
-        (s.cross(t) - n).length() < 1e-3 && (s.length() - 1.0).abs() < 1e-3 && (n.length() - 1.0).abs() < 1e-3;
-    ensure(orthonormal, "its frame is not orthonormal")?;
-    ensure(record.radius >= 0.0 && record.harmonic_distance >= 0.0, "its radius is negative or not a number")?;
-    check_samples(&record.samples)?;
-    check_elements(&record.elements, record.samples.resolution())
-}
-
-fn check_samples(samples: &Samples) -> Result<(), &'static str> {
-    let n = samples.resolution();
-    if !(1..=crate::MAX_RESOLUTION).contains(&n) {
-        return Err("its resolution is not in 1..=64");
-    }
-    let count = n * n;
-    let lengths = [
-        samples.jitter.len(),
-        samples.radiance.len(),
-        samples.background_share.len(),
-        samples.distance.len(),
-        samples.normal.len(),
-        samples.view_dependent.len(),
-    ];
-    if lengths.iter().any(|&length| length != count) {
-        return Err("a texture is not n x n");
-    }
-    if !samples.background_share.iter().all(|s| (0.0..=1.0).contains(s)) {
-        return Err("a share is not in [0, 1]");
-    }
-    let unit = |jitter: &glam::Vec2| (0.0..=1.0).contains(&jitter.x) && (0.0..=1.0).contains(&jitter.y);
-    let sane = samples.radiance.iter().all(|l| l.is_finite())
-        && samples.distance.iter().all(|&d| d >= 0.0)
-        && samples.normal.iter().all(|n| n.is_finite())
-        && samples.jitter.iter().all(unit);
-    if !sane {
-        return Err("a texel is not finite");
-    }
-    Ok(())
-}
-
-fn check_elements(elements: &Elements, n: usize) -> Result<(), &'static str> {
-    if elements.len() > n * n {
-        return Err("it has more elements than texels");
-    }
-    let Elements { x, y, z, radiance, background_share, finite, .. } = elements;
-    let floats = [x, y, z, background_share, finite].into_iter().chain(radiance);
-    if !floats.flatten().all(|x| x.is_finite()) {
-        return Err("an element is not finite");
-    }
-    if !elements.finite.iter().all(|&finite| finite == 0.0 || finite == 1.0) {
-        return Err("an element is neither near nor at infinity");
-    }
-    if elements.size[elements.len()..].iter().any(|size| *size != [0; 2]) {
-        return Err("its padding is not empty");
-    }
-    let mut covered = vec![false; n * n];
-    for e in 0..elements.len() {
-        let [i0, j0] = elements.start[e].map(usize::from);
-        let [w, h] = elements.size[e].map(usize::from);
-        if i0 + w > n || j0 + h > n {
-            return Err("an element is outside the texture");
-        }
-        for texel in (j0..j0 + h).flat_map(|j| j * n + i0..j * n + i0 + w) {
-            if std::mem::replace(&mut covered[texel], true) {
-                return Err("its elements do not cover the texture once");
-            }
-        }
-    }
-    if covered.iter().all(|&c| c) { Ok(()) } else { Err("its elements do not cover the texture once") }
+    // Unchecked, as postcard would not pass on what is wrong with which record.
+    let records: Vec<Unchecked> = postcard::from_bytes(body)?;
+    let checked = records.into_iter().enumerate().map(|(number, Unchecked(record))| match check(&record) {
+        Ok(()) => Ok(record),
+        Err(what) => Err(CodecError::Invalid { record: number, what }),
+    });
+    checked.collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{RecordSettings, Validity};
+    use crate::{RecordSettings, Samples, Validity};
     use glam::{Vec3, Vec3A};
 
     fn records() -> Vec<Record> {

@@ -3,8 +3,7 @@
 use std::ops::{BitOr, Range};
 
 use glam::Vec3A;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 use crate::merge::{Block, MergeSettings, merge};
 use crate::outline::Outline;
@@ -55,8 +54,7 @@ impl BitOr for Sides {
 ///
 /// Corners run round the element: (u0, v0), (u1, v0), (u1, v1), (u0, v1). An element at infinity has `finite` 0 and
 /// directions as corners. Each array is [`Self::padded_len`] long, those of corners four times as long.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(remote = "Self")]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Elements {
     /// x of the corners, metres: corner `k` of element `e` has the number `k * padded_len + e`.
     pub x: Vec<f32>,
@@ -126,7 +124,7 @@ impl Elements {
     }
 
     /// Whether the arrays fit together, or what does not.
-    fn check_layout(&self) -> Result<(), &'static str> {
+    pub(crate) fn check_layout(&self) -> Result<(), &'static str> {
         let starts = &self.layer_starts;
         if starts.len() < 2 || starts.len() > 257 || starts[0] != 0 || starts.windows(2).any(|w| w[0] > w[1]) {
             return Err("its layers are not in order");
@@ -226,22 +224,6 @@ impl Elements {
         self.size[e] = block.size;
         self.view_dependent[e] = block.view_dependent;
         self.sides[e] = element_sides(&grid.sides, n, [i0, j0], [w, h]);
-    }
-}
-
-impl Serialize for Elements {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Self::serialize(self, serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for Elements {
-    /// Reads the arrays, and finds the outline by them.
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let mut elements = Self::deserialize(deserializer)?;
-        elements.check_layout().map_err(D::Error::custom)?;
-        elements.outline = Outline::of(&elements);
-        Ok(elements)
     }
 }
 

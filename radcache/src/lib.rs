@@ -8,6 +8,7 @@ mod index;
 mod layers;
 mod merge;
 mod outline;
+mod read;
 mod record;
 mod samples;
 mod silhouette;

@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec3A};
 use hemimap::Frame;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::{Elements, MergeSettings, Samples, Validity};
 
@@ -24,7 +24,7 @@ impl Default for RecordSettings {
 }
 
 /// Incident radiance at one point of a surface, with what is needed to see it from elsewhere.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Record {
     pub(crate) centre: Vec3,
     pub(crate) frame: [Vec3; 3],

@@ -1,7 +1,7 @@
 //! What a gather brings home: n x n texels of radiance, distance and normal over the hemisphere.
 
 use glam::{Vec2, Vec3, Vec3A};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// The largest resolution of a record: a row of a bit mask is one machine word.
 pub const MAX_RESOLUTION: usize = 64;
@@ -11,7 +11,7 @@ pub const MAX_RESOLUTION: usize = 64;
 /// Directions and normals are in the frame of the record, z along its normal. A texel covers the square
 /// `[i, i+1) x [j, j+1)` divided by n, of solid angle pi / (n^2 cos theta): the map preserves area, so the plain mean of
 /// `radiance` is irradiance / pi.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Samples {
     pub(crate) n: u32,
     /// Where in its texel each ray went, in [0, 1) along u and v.

@@ -6,6 +6,8 @@ use proptest::prelude::*;
 use radcache::{
     DepthRange, Index, MergeSettings, Record, RecordSettings, Samples, Sides, Validity, from_bytes, to_bytes,
 };
+use serde::Deserialize;
+use serde_json::{Value, json};
 
 const FRAME: Frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };
 
@@ -81,6 +83,35 @@ proptest! {
         }
         // What is written comes back.
         prop_assert_eq!(&from_bytes(&to_bytes(std::slice::from_ref(&record)).unwrap()).unwrap()[0], &record);
+    }
+}
+
+/// Whatever the format, what is read is checked, so that nothing panics later.
+#[test]
+fn every_format_refuses_numbers_that_make_no_sense() {
+    let record = record(Vec3A::new(0.1, 0.2, -0.9), FRAME, 8, &RecordSettings::default(), &Validity::default());
+    let whole = serde_json::to_value(&record).unwrap();
+    assert_eq!(serde_json::from_value::<Record>(whole.clone()).unwrap(), record, "what is sound comes back");
+    assert_eq!(&serde_json::from_value::<Samples>(whole["samples"].clone()).unwrap(), record.samples());
+    let changes: [(&str, Value, &str); 7] = [
+        ("/samples/n", json!(1000), "its resolution is not in 1..=64"),
+        ("/samples/n", json!(0), "its resolution is not in 1..=64"),
+        ("/samples/n", json!(7), "a texture is not n x n"),
+        ("/samples/distance/3", json!(-1.0), "a texel is not finite"),
+        ("/samples/background_share/3", json!(1.5), "a share is not in [0, 1]"),
+        ("/radius", json!(-1.0), "its radius is negative or not a number"),
+        ("/elements/start/0", json!([60, 0]), "an element is outside the texture"),
+    ];
+    for (place, value, what) in changes {
+        let mut changed = whole.clone();
+        *changed.pointer_mut(place).unwrap() = value;
+        if place.starts_with("/samples") {
+            // By the name of the type, too, where what is derived on it would come first.
+            let error = Samples::deserialize(&changed["samples"]).unwrap_err().to_string();
+            assert_eq!(error, what, "{place} of samples");
+        }
+        let error = Record::deserialize(changed).unwrap_err().to_string();
+        assert_eq!(error, what, "{place} of a record");
     }
 }
 
