@@ -101,16 +101,7 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
     if !(1..=crate::MAX_RESOLUTION).contains(&n) {
         return Err("its resolution is not in 1..=64");
     }
-    let count = n * n;
-    let lengths = [
-        samples.jitter.len(),
-        samples.radiance.len(),
-        samples.background_share.len(),
-        samples.distance.len(),
-        samples.normal.len(),
-        samples.view_dependent.len(),
-    ];
-    if lengths.iter().any(|&length| length != count) {
+    if !samples.has_all_texels() {
         return Err("a texture is not n x n");
     }
     if !samples.background_share.iter().all(|s| (0.0..=1.0).contains(s)) {

@@ -11,18 +11,21 @@ pub const MAX_RESOLUTION: usize = 64;
 /// Directions and normals are in the frame of the record, z along its normal. A texel covers the square
 /// `[i, i+1) x [j, j+1)` divided by n, of solid angle pi / (n^2 cos theta): the map preserves area, so the plain mean of
 /// `radiance` is irradiance / pi.
+///
+/// Textures may be written texel by texel, without [`Self::set`]; then what is said of each is for the writer to keep, and none may change its length.
+/// [`Record::new`](crate::Record::new) panics where a length or a distance is wrong.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Samples {
     pub(crate) n: u32,
     /// Where in its texel each ray went, in [0, 1) along u and v.
     pub(crate) jitter: Vec<Vec2>,
-    /// Incident radiance, W m^-2 sr^-1.
+    /// Incident radiance, W m^-2 sr^-1; finite.
     pub radiance: Vec<Vec3>,
-    /// Distance to the hit in metres; infinite for the surroundings.
+    /// Distance to the hit in metres; infinite for the surroundings, never negative or NaN.
     pub distance: Vec<f32>,
     /// Unit normal of the hit, turned to the record; any value where the distance is infinite.
     pub normal: Vec<Vec3>,
-    /// Share of the radiance that comes from infinity, by luminance: 1 for the surroundings, 0 for what stands at a distance, and
+    /// Share of the radiance that comes from infinity, by luminance, in [0, 1]: 1 for the surroundings, 0 for what stands at a distance, and
     /// between for a texel of several rays at the rim of a window.
     pub background_share: Vec<f32>,
     /// Whether the radiance is that of this direction only, as a highlight is, so that another point must look for itself: the
@@ -87,6 +90,19 @@ impl Samples {
     #[must_use]
     pub fn resolution(&self) -> usize {
         self.n as usize
+    }
+
+    /// Whether all textures are n x n.
+    pub(crate) fn has_all_texels(&self) -> bool {
+        let lengths = [
+            self.jitter.len(),
+            self.radiance.len(),
+            self.distance.len(),
+            self.normal.len(),
+            self.background_share.len(),
+            self.view_dependent.len(),
+        ];
+        lengths.into_iter().all(|length| length == self.resolution().pow(2))
     }
 
     /// The unit direction of a texel's ray, in the frame of the record.

@@ -115,6 +115,38 @@ fn every_format_refuses_numbers_that_make_no_sense() {
     }
 }
 
+/// The fields of samples may be written without `set`, so records are the place where that is found.
+#[test]
+fn records_tell_what_is_wrong_with_their_samples() {
+    let message = |layers: usize, change: fn(&mut Samples)| {
+        let mut samples = Samples::from_fn(4, |wi| (Vec3::ONE, 1.0 / wi.z, Vec3A::NEG_Z));
+        change(&mut samples);
+        let settings = RecordSettings { layers, ..RecordSettings::default() };
+        let made =
+            std::panic::catch_unwind(|| Record::new(Vec3A::ZERO, FRAME, samples, &settings, &Validity::default()));
+        made.map(drop).map_err(|panic| panic.downcast_ref::<&str>().map_or_else(String::new, |text| (*text).to_owned()))
+    };
+    assert_eq!(message(16, |_| ()), Ok(()), "nothing is wrong");
+    for layers in [0, 257] {
+        assert_eq!(message(layers, |_| ()).unwrap_err(), "records have 1 to 256 layers", "{layers} layers");
+    }
+    let changes: [fn(&mut Samples); 3] =
+        [|s| s.distance[5] = f32::NAN, |s| s.distance.fill(-1.0), |s| s.distance[5] = f32::NEG_INFINITY];
+    for change in changes {
+        assert_eq!(message(16, change).unwrap_err(), "distances of samples must be 0 or more, not NaN");
+    }
+    let changes: [fn(&mut Samples); 5] = [
+        |s| s.radiance.truncate(15),
+        |s| s.distance.push(1.0),
+        |s| s.normal.clear(),
+        |s| s.background_share.truncate(3),
+        |s| s.view_dependent.truncate(3),
+    ];
+    for change in changes {
+        assert_eq!(message(16, change).unwrap_err(), "textures of samples must be n x n");
+    }
+}
+
 #[test]
 fn turning_the_frame_by_a_right_angle_permutes_texels() {
     let p = Vec3A::new(0.1, -0.2, -0.9);
