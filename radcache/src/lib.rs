@@ -19,7 +19,7 @@ pub use elements::{Elements, LANES, Sides};
 pub use grid::BallGrid;
 pub use index::{Found, Index};
 pub use layers::depth_layers;
-pub use merge::{Block, DepthRange, MergeSettings};
+pub use merge::{DepthRange, MergeSettings};
 pub use outline::Outline;
 pub use record::{Record, RecordSettings};
 pub use samples::{MAX_RESOLUTION, Samples};

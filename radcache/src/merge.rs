@@ -78,13 +78,13 @@ impl Default for MergeSettings {
 
 /// A rectangle of texels on one plane: the seed of an s-element.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block {
+pub(crate) struct Block {
     /// First column and row.
-    pub start: [u8; 2],
+    pub(crate) start: [u8; 2],
     /// Number of columns and rows.
-    pub size: [u8; 2],
+    pub(crate) size: [u8; 2],
     /// Nearest depth layer of its texels.
-    pub layer: u8,
+    pub(crate) layer: u8,
     /// The farthest one.
     last_layer: u8,
     /// Least and greatest distance of its texels, metres.

@@ -93,11 +93,6 @@ impl Record {
         self.radius
     }
 
-    /// Makes the reach smaller, as when a neighbour turned out to know better.
-    pub fn limit_radius(&mut self, radius: f32) {
-        self.radius = self.radius.min(radius);
-    }
-
     /// Mean radiance over the cosine-weighted hemisphere: irradiance / pi.
     #[must_use]
     pub fn mean_radiance(&self) -> Vec3 {
