@@ -46,6 +46,8 @@ pub(crate) struct Plan {
     pub(crate) highlights: bool,
     /// How reprojections are made.
     pub(crate) reproject: reproject::Settings,
+    /// Texels along a side of the largest blocks of holes for which one ray stands.
+    pub(crate) hole_step: u32,
     /// Verification rays along a side.
     pub(crate) verify_side: u32,
     /// Photons to shoot into the global map.
@@ -187,11 +189,11 @@ impl Plan {
                 coverage: study.coverage(),
                 trails: study.trails.unwrap_or_default(),
                 weights: study.weights(),
-                // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
-                step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
                 margins: study.margins != Some(false),
                 doubt: study.doubt != Some(false),
             },
+            // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
+            hole_step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
             verify_side: study.verify.unwrap_or(2),
             global_photons: if lit && features.diffuse && secondary == SecondaryKind::Photons {
                 shot(GLOBAL_PHOTONS)

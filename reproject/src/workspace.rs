@@ -57,8 +57,6 @@ pub struct Settings {
     pub trails: Trails,
     /// How shares are measured.
     pub weights: AreaWeights,
-    /// One hole ray for each block of `step x step` texels with a gap, k of the paper; at least 1.
-    pub step: u32,
     /// Whether the last texel of a surface that retreats from behind its silhouette is unknown: one ray a texel does not tell where in it the surface
     /// ends. Of no effect where all elements leave trails.
     pub margins: bool,
@@ -67,13 +65,12 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Exact quads, trails of what is uncovered, analytic weights, a hole ray for every 2 x 2 texels, margins, doubt.
+    /// Exact quads, trails of what is uncovered, analytic weights, margins, doubt.
     fn default() -> Self {
         Self {
             coverage: Coverage::Quad,
             trails: Trails::Uncovered,
             weights: AreaWeights::Analytic,
-            step: 2,
             margins: true,
             doubt: true,
         }
@@ -166,7 +163,7 @@ impl Workspace {
     }
 
     /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and gives the
-    /// number of rays. The same seed gives the same rays.
+    /// number of rays. The same seed gives the same rays. `step` is k of the paper, where 2 is a good choice; 0 counts as 1.
     pub fn trace_holes(&mut self, step: u32, seed: u64, tracer: &mut impl Tracer) -> usize {
         self.find_holes(step, seed, |_| true);
         self.trace_found(tracer)

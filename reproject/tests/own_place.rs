@@ -22,7 +22,6 @@ fn every_setting() -> impl Iterator<Item = Settings> {
         coverage: if k & 1 == 0 { Coverage::Quad } else { Coverage::Rectangle },
         trails: [Trails::Uncovered, Trails::Silhouettes, Trails::All][k / 8],
         weights: if k & 2 == 0 { AreaWeights::Analytic } else { AreaWeights::Bits },
-        step: 1,
         margins: k & 4 == 0,
         doubt: k % 5 > 0,
     })

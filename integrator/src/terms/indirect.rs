@@ -238,7 +238,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         if takes_texture {
             self.weigh(point, &frame, workspace.resolution(), weights);
         }
-        let step = hole_step.unwrap_or(self.plan.reproject.step);
+        let step = hole_step.unwrap_or(self.plan.hole_step);
         let hole_rays = if point.shading.bsdf.has_diffuse() {
             workspace.trace_holes(step, seed, &mut tracer)
         } else {
@@ -332,7 +332,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
 
     /// [`hole_step`] of a reprojection of n x n texels, against a ray for each texel of a look: more, where texels are divided, tell it more too.
     fn hole_step(&self, holes: f32, n: usize, look_n: usize) -> Option<u32> {
-        hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.reproject.step)
+        hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.hole_step)
     }
 
     /// What a point sees through `look_n x look_n` texels of its own, in which frame, and what it has of that.
