@@ -4,6 +4,7 @@ use glam::{Mat3A, Vec3, Vec3A};
 use radcache::Record;
 
 use crate::kernel::{self, Task};
+use crate::workspace::Mark;
 use crate::{Settings, Shares, Workspace};
 
 impl Workspace {
@@ -51,6 +52,7 @@ impl Workspace {
 
     fn place(&mut self, record: &Record, p: Vec3A, n: Vec3A) {
         let frame = record.frame();
+        self.projected = Some(Mark::of(record));
         self.n = record.samples().resolution();
         self.offset = frame.to_local(p - record.centre());
         if n == frame.n {

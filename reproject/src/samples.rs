@@ -44,7 +44,11 @@ impl Workspace {
     /// [`Self::trace_holes`].
     ///
     /// The mean of these samples counts texels; [`Self::mean_radiance`] knows the areas of elements and is more exact.
+    ///
+    /// # Panics
+    /// If `record` is not the one that was projected last.
     pub fn samples(&mut self, record: &Record, samples: &mut Samples) {
+        self.assert_projected(record);
         let n = self.n;
         if samples.resolution() != n {
             *samples = Samples::new(n);

@@ -25,7 +25,11 @@ pub struct Verdict {
 impl Workspace {
     /// Traces `side x side` stratified rays, 16 x 16 at most, and compares what each meets with the element that fills its texel. To be called
     /// between [`Self::project`] and [`Self::trace_holes`], whose buffers it uses.
+    ///
+    /// # Panics
+    /// If `record` is not the one that was projected last.
     pub fn verify(&mut self, record: &Record, side: u32, seed: u64, tracer: &mut impl Tracer) -> Verdict {
+        self.assert_projected(record);
         self.directions.clear();
         self.holes.clear();
         let mut owners = [0usize; MAX_SIDE * MAX_SIDE];

@@ -91,10 +91,12 @@ pub struct Shares {
 /// Buffers of a reprojection, and its result; kept by a thread and used again, so that no call allocates.
 ///
 /// The order of calls: [`Self::project`], perhaps [`Self::verify`], then [`Self::trace_holes`] or
-/// [`Self::trace_holes_under`], then any of the results. Texels are indexed as in
-/// [`radcache::Samples`], in the frame that [`Self::frame`] gives.
+/// [`Self::trace_holes_under`], then any of the results. Those that ask for a record want the one that was projected last, for texels know its elements by
+/// number. Texels are indexed as in [`radcache::Samples`], in the frame that [`Self::frame`] gives.
 #[derive(Debug)]
 pub struct Workspace {
+    /// The record that was projected last.
+    pub(crate) projected: Option<Mark>,
     pub(crate) n: usize,
     pub(crate) frame: Frame,
     /// Record's frame to this point's, and the point in the record's frame.
@@ -141,6 +143,7 @@ impl Workspace {
     pub fn with_kernel(kernel: Kernel) -> Self {
         assert!(kernel.is_supported(), "{kernel:?} is not for this processor");
         Self {
+            projected: None,
             n: 1,
             frame: Frame::from_normal(Vec3A::Z),
             rotation: Mat3A::IDENTITY,
@@ -210,7 +213,11 @@ impl Workspace {
     }
 
     /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's ray.
+    ///
+    /// # Panics
+    /// If `record` is not the one that was projected last.
     pub fn texture(&mut self, record: &Record) -> &[Vec3] {
+        self.assert_projected(record);
         let elements = record.elements();
         self.find_owners();
         self.texture.clear();
@@ -229,7 +236,7 @@ impl Workspace {
     /// BRDF f reflects.
     ///
     /// # Panics
-    /// If there are not n x n weights.
+    /// If there are not n x n weights, or `record` is not the one that was projected last.
     #[must_use]
     pub fn weighted_sum(&mut self, record: &Record, weights: &[Vec3]) -> Vec3 {
         let [near, far] = self.weighted_sum_by_distance(record, weights);
@@ -239,9 +246,10 @@ impl Workspace {
     /// [`Self::weighted_sum`] in two parts: what comes from a distance, and what comes from infinity.
     ///
     /// # Panics
-    /// If there are not n x n weights.
+    /// As [`Self::weighted_sum`].
     #[must_use]
     pub fn weighted_sum_by_distance(&mut self, record: &Record, weights: &[Vec3]) -> [Vec3; 2] {
+        self.assert_projected(record);
         assert_eq!(weights.len(), self.n * self.n, "a weight for each texel");
         self.find_owners();
         let elements = record.elements();
@@ -293,6 +301,12 @@ impl Workspace {
         if self.is_narrow() { self.narrow.owner(i, j) } else { self.wide.owner(i, j) }
     }
 
+    /// Sees to it that results are asked of the record that they belong to: with another one they would be wrong, or have elements that it has not.
+    #[track_caller]
+    pub(crate) fn assert_projected(&self, record: &Record) {
+        assert!(self.projected == Some(Mark::of(record)), "the record must be the one that was projected last");
+    }
+
     /// Whether rows are words of 32 bits.
     pub(crate) fn is_narrow(&self) -> bool {
         self.n <= 32
@@ -307,6 +321,24 @@ impl Workspace {
             } else {
                 self.wide.owners(self.n, &mut self.owners);
             }
+        }
+    }
+}
+
+/// What tells a record from others: its place in bits, its resolution and the number of its elements. To compare all of it would cost as much as a result does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Mark {
+    centre: [u32; 3],
+    resolution: usize,
+    elements: usize,
+}
+
+impl Mark {
+    pub(crate) fn of(record: &Record) -> Self {
+        Self {
+            centre: record.centre().to_array().map(f32::to_bits),
+            resolution: record.samples().resolution(),
+            elements: record.elements().len(),
         }
     }
 }

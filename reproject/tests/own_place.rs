@@ -2,10 +2,12 @@
 
 mod rooms;
 
+use std::panic::AssertUnwindSafe;
+
 use glam::{Vec3, Vec3A};
 use hemimap::Frame;
 use proptest::prelude::*;
-use radcache::{MergeSettings, Record, RecordSettings};
+use radcache::{MergeSettings, Record, RecordSettings, Samples};
 use reproject::{AreaWeights, Coverage, Settings, Trails, Workspace};
 use rooms::{Rays, Scene, gather, record, record_in};
 
@@ -159,4 +161,39 @@ fn answers_do_not_depend_on_what_was_before() {
             assert_eq!(&thread.join().unwrap(), expected);
         }
     });
+}
+
+/// Results are told by the elements of the record that was projected last; with those of another they would be wrong.
+#[test]
+fn results_of_another_record_are_refused() {
+    let scene = Scene::clutter(30);
+    let look = |p, wi| scene.look(p, wi);
+    let usual = RecordSettings::default();
+    let whole = record(look, FLOOR, Vec3A::Z, 16, &unmerged());
+    let others = [
+        record(look, FLOOR, Vec3A::Z, 16, &usual),
+        record(look, FLOOR + Vec3A::X * 0.01, Vec3A::Z, 16, &unmerged()),
+        record(look, FLOOR, Vec3A::Z, 33, &unmerged()),
+    ];
+    let weights = vec![Vec3::ONE; 16 * 16];
+    let bright = |_, wi: Vec3A| (Vec3::ONE, 1.0, -wi);
+    type Call<'a> = &'a dyn Fn(&mut Workspace, &Record);
+    let calls: [Call<'_>; 5] = [
+        &|workspace, record| workspace.samples(record, &mut Samples::new(16)),
+        &|workspace, record| _ = workspace.texture(record),
+        &|workspace, record| _ = workspace.verify(record, 4, 1, &mut Rays(FLOOR, bright)),
+        &|workspace, record| _ = workspace.weighted_sum(record, &weights),
+        &|workspace, record| _ = workspace.weighted_sum_by_distance(record, &weights),
+    ];
+    for (number, call) in calls.into_iter().enumerate() {
+        let mut workspace = Workspace::new();
+        workspace.project(&whole, FLOOR, Vec3A::Z, &Settings::default());
+        call(&mut workspace, &whole.clone());
+        for (other, record) in others.iter().enumerate() {
+            let refused = std::panic::catch_unwind(AssertUnwindSafe(|| call(&mut workspace, record))).unwrap_err();
+            let message = refused.downcast_ref::<&str>();
+            let expected = "the record must be the one that was projected last";
+            assert_eq!(message, Some(&expected), "call {number}, record {other}");
+        }
+    }
 }
