@@ -88,7 +88,7 @@ fn unit(bits: u64) -> f32 {
 }
 
 fn texel_at(place: Vec2, n: usize) -> usize {
-    // A product may round up to n.
-    let cell = (place * n as f32).as_uvec2();
-    (cell.y as usize).min(n - 1) * n + (cell.x as usize).min(n - 1)
+    #[expect(clippy::cast_possible_truncation, reason = "n <= 64")]
+    let [i, j] = place.to_array().map(|x| hemimap::texel_index(x, n as u32) as usize);
+    j * n + i
 }

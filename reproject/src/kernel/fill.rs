@@ -94,16 +94,10 @@ fn count_small<W: Word>(places: &mut Places, grid: &Grid<W>, n: usize, layer: us
     /// room of plain walls would lose 1 % of its light (by 16 layers).
     const SAME_SURFACE: usize = 4;
     let middle = places.quad(e).into_iter().sum::<Vec2>() / 4.0;
-    let [i, j] = middle.to_array().map(|x| texel(x, n));
+    #[expect(clippy::cast_possible_truncation, reason = "n <= 64")]
+    let [i, j] = middle.to_array().map(|x| hemimap::texel_index(x, n as u32) as usize);
     let closed = grid.history[layer.saturating_sub(SAME_SURFACE)][j] | grid.unknown[j];
     places.counts[e] = if closed & W::bit(i) == W::default() { [1; 2] } else { [0; 2] };
-}
-
-/// The row or column of a place in the square.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to n")]
-fn texel(x: f32, n: usize) -> usize {
-    ((x * n as f32) as usize).min(n - 1)
 }
 
 /// Fills at most `R` rows from `first` on where they are open; counts the bits, and those that it fills.
