@@ -5,7 +5,7 @@
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use radcache::{Record, RecordSettings, Samples, Validity};
-use reproject::{Traced, Tracer};
+use reproject::{Shares, Traced, Tracer, Workspace};
 
 /// What a ray sees: radiance, distance (infinite for the surroundings) and normal, all in world space.
 pub type Seen = (Vec3, f32, Vec3A);
@@ -193,6 +193,13 @@ impl<F: Fn(Vec3A, Vec3A) -> Seen> Tracer for Rays<F> {
             *out = Traced { radiance, distance, normal };
         }
     }
+}
+
+/// What elements weigh and the holes together, before they are normalised to one: for a record that saw red light of radiance 1 alone, which was just
+/// projected. Where holes are black, what is left of the light is the part of the elements. NaN where there are no holes.
+pub fn weight_before_normalising(workspace: &mut Workspace, shares: Shares) -> f32 {
+    workspace.trace_holes(1, 1, &mut Rays(Vec3A::ZERO, |_, wi: Vec3A| (Vec3::ZERO, 1.0, -wi)));
+    shares.holes / (1.0 - workspace.mean_radiance().x)
 }
 
 /// Mean radiance over the cosine-weighted hemisphere by `side x side` stratified rays.
