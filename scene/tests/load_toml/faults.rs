@@ -7,6 +7,8 @@ use crate::{loaded, refused};
 fn faults_are_refused_by_line_and_field() {
     for (text, line, part) in [
         ("[camera]\neye = [0, 0, 1]\nat = [0, 0, 0]\nfovv = 3", 4, "unknown field 'fovv'; write 'fov'"),
+        ("[render]\nrecursive = true", 2, "unknown field 'recursive'"),
+        ("[render]\nspp = \"recursion limit\"", 2, "spp: invalid type: string"),
         ("[kamera]\neye = [0, 0, 1]", 1, "unknown field 'kamera'; write 'camera'"),
         ("[camera]\neye = [0, 0, 1]", 1, "missing field `at`"),
         ("[film]\nsize = [0, 9]", 2, "size: 0 at index 0 is out of range; give numbers from 1.0 to 16384.0"),
@@ -233,6 +235,7 @@ fn deep_nesting_is_refused() {
     let depth = 1_000_000;
     refused(&format!("a = {}", "[".repeat(depth)), 1, "nested too deep");
     refused(&format!("[[form]]\nunion = {}", "[{union=".repeat(depth)), 2, "nested too deep");
+    refused(&format!("a{} = 1", ".a".repeat(depth)), 1, "nested too deep");
     let ball = "[{quadric.sphere={center=[0,0,0],radius=1}}]";
     let nested =
         |depth: usize| format!("[[form]]\nunion = {}{ball}{}\n", "[{union=".repeat(depth - 1), "}]".repeat(depth - 1));

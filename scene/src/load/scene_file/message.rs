@@ -2,22 +2,25 @@
 
 use crate::load::error::{LoadError, Place, nearest, quoted};
 
+/// What the TOML reader says of nesting: of values, and of keys with many dots.
+const TOO_DEEP: [&str; 2] = ["cannot recurse further; max recursion depth met", "recursion limit"];
+
 /// Translates an error about `text`, which is the file at `place`.
 pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -> LoadError {
     let start = error.span().map_or(0, |span| span.start.min(text.len()));
     let place = Place::line(place.file, line_at(text, start));
     let message = error.message().replace('\n', ", ");
     let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
-    if message.contains("recurs") {
-        return place
-            .too_large("nested too deep", "nest tables, lists and unions less than 80 deep, put unions side by side");
-    }
     if let Some((name, known)) = unknown(&message) {
         let advice = match nearest(name, known.iter().copied()) {
             Some(close) => format!("write '{close}'"),
             None => format!("known here are {}", known.join(", ")),
         };
         return place.invalid(format!("unknown field {}", quoted(name)), advice);
+    }
+    if TOO_DEEP.contains(&message.as_str()) {
+        return place
+            .too_large("nested too deep", "nest tables, lists and unions less than 80 deep, put unions side by side");
     }
     if message.contains("duplicate key") {
         return place.invalid(format!("duplicate key {}", quoted(named)), "keep one");
