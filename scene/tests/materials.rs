@@ -236,3 +236,21 @@ fn delta_lobes_are_seen_by_sampling_alone() {
     assert!(mirror.sample(Lobes::ALL, -wo, 0.5, Vec2::ZERO).is_none(), "nothing from behind");
     assert_eq!(mirror.eval(Lobes::ALL, wo, -wi), Vec3::ZERO, "nothing to behind");
 }
+
+#[test]
+fn what_is_never_sampled_has_no_density() {
+    let (wo, wi, u) = (incidence(0.8), incidence(0.3), Vec2::new(0.3, 0.7));
+    let dull = Specular::Ggx { alpha: 0.3, reflectance: Vec3::ZERO, schlick: false };
+    let chalk = Bsdf { diffuse: Vec3::splat(0.8), specular: Specular::None };
+    let dark = Bsdf { diffuse: Vec3::ZERO, specular: dull };
+    for (bsdf, lobes, what) in [
+        (Bsdf::BLACK, Lobes::ALL, "black"),
+        (chalk, Lobes::SPECULAR, "chalk without its diffuse part"),
+        (dark, Lobes::ALL, "gloss that reflects nothing"),
+        (Bsdf { diffuse: Vec3::ONE, ..dark }, Lobes::SPECULAR, "gloss of nothing over white"),
+    ] {
+        assert_eq!(bsdf.sample(lobes, wo, 0.5, u), None, "{what} gives no direction");
+        assert_eq!(bsdf.pdf(lobes, wo, wi), 0.0, "{what}");
+        assert_eq!(bsdf.eval_pdf(lobes, wo, wi), (Vec3::ZERO, 0.0), "{what}, both at once");
+    }
+}

@@ -120,7 +120,8 @@ impl Bsdf {
         }
         let specular = self.specular_probability(lobes, wo);
         let mut pdf = 0.0;
-        if specular < 1.0 {
+        // Where there is neither part the probability of the specular one is 0, and yet nothing is diffuse.
+        if lobes.contains(Lobes::DIFFUSE) && self.has_diffuse() {
             pdf += (1.0 - specular) * wi.z * FRAC_1_PI;
         }
         if specular > 0.0
@@ -140,10 +141,8 @@ impl Bsdf {
         }
         let specular = self.specular_probability(lobes, wo);
         let (mut f, mut pdf) = (Vec3::ZERO, 0.0);
-        if lobes.contains(Lobes::DIFFUSE) {
+        if lobes.contains(Lobes::DIFFUSE) && self.has_diffuse() {
             f += self.diffuse * FRAC_1_PI;
-        }
-        if specular < 1.0 {
             pdf += (1.0 - specular) * wi.z * FRAC_1_PI;
         }
         if lobes.contains(Lobes::SPECULAR)
