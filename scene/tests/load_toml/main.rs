@@ -4,6 +4,8 @@
 mod common;
 mod faults;
 
+use std::time::{Duration, Instant};
+
 use common::{assert_refused, load_files};
 use scene::freeform::{Operation, Psi};
 use scene::glam::{DVec3, UVec2, Vec3, Vec3A};
@@ -326,4 +328,16 @@ fn surroundings_of_the_callers_choice_are_mended_for_embedded_scenes_too() {
     // The left half of the picture is on the side of +x.
     assert_eq!([Vec3A::X, Vec3A::NEG_X].map(|wi| surroundings.radiance(wi)), [Vec3::Y * 3.0, Vec3::splat(6.0)]);
     assert!(loaded.warnings.iter().any(|line| line.contains("NaN")), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn time_to_load_grows_as_the_file_does() {
+    let count = 200_000;
+    let faces = (0..count).map(|i| format!("[{}, {}, {}],\n", i % 4, (i + 1) % 4, (i + 2) % 4)).collect::<String>();
+    let text = format!("[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]\nfaces = [\n{faces}]\n");
+    let start = Instant::now();
+    assert_eq!(loaded(&text).description.meshes[0].triangles.len(), count, "all faces");
+    // A few seconds; with lines that are counted from the beginning for each face it was more than a minute.
+    assert!(start.elapsed() < Duration::from_secs(40), "{:?} for {count} faces", start.elapsed());
+    refused(&format!("{text}[[mesh]]\nmaterial = \"wood\""), count + 6, "no material 'wood'");
 }

@@ -34,7 +34,7 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
 }
 
 /// The number of the line, from 1, that holds the byte `start`.
-pub(super) fn line_at(text: &str, start: usize) -> usize {
+fn line_at(text: &str, start: usize) -> usize {
     text.as_bytes()[..start.min(text.len())].iter().filter(|&&byte| byte == b'\n').count() + 1
 }
 

@@ -2,6 +2,7 @@
 
 mod build;
 mod forms;
+mod line_numbers;
 mod message;
 mod repeat;
 mod schema;
@@ -15,19 +16,21 @@ use super::error::{LoadError, Place, quoted};
 use super::files::check_name;
 use super::limits;
 use super::loader::Loader;
+use line_numbers::LineNumbers;
 use schema::SceneFile;
 
 /// A scene file with its text, for the lines of errors.
 struct Source {
     path: PathBuf,
     text: String,
+    lines: LineNumbers,
     scene: SceneFile,
 }
 
 impl Source {
     /// The place of a byte of the text.
     fn place(&self, span: std::ops::Range<usize>) -> Place<'_> {
-        Place::line(&self.path, message::line_at(&self.text, span.start))
+        Place::line(&self.path, self.lines.line(&self.text, span.start))
     }
 }
 
@@ -100,7 +103,7 @@ fn parse(loader: &Loader<'_>, path: PathBuf, place: Place<'_>) -> Result<Source,
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let scene: SceneFile =
         toml::from_str(&text).map_err(|error| message::translate(&error, &text, Place::file(&path)))?;
-    let source = Source { path, text, scene };
+    let source = Source { path, lines: LineNumbers::new(&text), text, scene };
     if let Some(version) = source.scene.version.as_ref().filter(|version| *version.get_ref() != 1) {
         let what = format!("version {} of the scene file, only 1 is known", version.get_ref());
         return Err(source.place(version.span()).unsupported(what, "use a newer program, or write version = 1"));
