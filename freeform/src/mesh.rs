@@ -39,13 +39,15 @@ pub enum MeshError {
     /// The cell is not a length.
     #[error("the cell must be positive and finite; give a length")]
     Cell,
-    /// More cells or vertices than can be counted.
+    /// More cells, cells in a layer across z, or vertices than can be held.
     #[error("a grid of {0:e} cells; take a larger cell")]
     TooFine(f64),
 }
 
 /// Cells of a grid; beyond, a mesh takes hours.
 const CELLS_MAX: f64 = 1e10;
+/// Corners of a layer; two of them take 2 GB. Cells alone do not limit them: a flat solid has few layers.
+const LAYER_MAX: f64 = (1 << 25) as f64;
 /// A vertex stays this share of its edge away from the corners, so that no triangle loses its area to rounding.
 const CLEARANCE: f64 = 1e-6;
 /// Marks an edge that has no vertex yet.
@@ -71,7 +73,8 @@ impl Solid {
         // A cell more on each side: the outermost corners are outside.
         let sides = ((max - min) / cell).ceil() + DVec3::splat(2.0);
         let cells = sides.x * sides.y * sides.z;
-        if cells.is_nan() || cells > CELLS_MAX {
+        let layer = (sides.x + 1.0) * (sides.y + 1.0);
+        if cells.is_nan() || cells > CELLS_MAX || layer > LAYER_MAX {
             return Err(MeshError::TooFine(cells));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded by CELLS_MAX")]
@@ -108,6 +111,7 @@ impl SurfaceMesh {
             uv_triangles,
         }
     }
+
     /// Returns the mesh with texture coordinates: `uv` gives those of a point on a triangle with an outward normal.
     ///
     /// Where u is an angle over a whole turn, it `runs_round`: a triangle across the seam goes on beyond 0 or 1, as pictures do that are repeated.

@@ -104,6 +104,11 @@ fn what_has_no_mesh_is_refused() {
         assert_eq!(solid.to_mesh(cell), Err(MeshError::Cell), "a cell of {cell}");
     }
     assert!(matches!(solid.to_mesh(1e-9), Err(MeshError::TooFine(_))), "too fine");
+    // Few cells, but the corners of a layer would fill the memory.
+    let plate = Solid::cuboid(DVec3::new(-1000.0, -1000.0, -0.01), DVec3::new(1000.0, 1000.0, 0.01)).unwrap();
+    assert!(matches!(plate.to_mesh(0.05), Err(MeshError::TooFine(cells)) if cells < 1e10), "too fine a layer");
+    let thread = Solid::cuboid(DVec3::splat(-0.01), DVec3::new(1e7, 0.01, 0.01)).unwrap();
+    assert!(matches!(thread.to_mesh(0.05), Err(MeshError::TooFine(_))), "or too long a row");
     let nothing = Solid::intersection(Psi::Maximum, vec![ball(DVec3::ZERO, 1.0), ball(DVec3::X * 5.0, 1.0)]).unwrap();
     assert_eq!(nothing.to_mesh(0.1), Ok(SurfaceMesh::default()), "nothing has no triangles");
 }
