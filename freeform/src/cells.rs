@@ -101,9 +101,9 @@ impl Cells {
         4.0 * error < self.margin
     }
 
-    /// Returns the memory held, bytes.
-    pub(crate) fn memory_bytes(&self) -> usize {
-        size_of::<Self>() + size_of_val(&self.cells[..]) + size_of_val(&self.silent[..])
+    /// Returns the memory held on the heap, bytes.
+    pub(crate) fn heap_bytes(&self) -> usize {
+        size_of_val(&self.cells[..]) + size_of_val(&self.silent[..])
     }
 }
 

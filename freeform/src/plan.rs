@@ -122,12 +122,14 @@ impl Plan {
         cells.map(|cells| self.cells[cells as usize].get_or_init(cut))
     }
 
-    /// Returns the memory held, bytes; cells apart.
+    /// Returns the memory held, bytes. Cells that no ray has asked for are not there: cutting them only to weigh them would take both time and that memory.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&self.units[..])
             + size_of_val(&self.nodes[..])
             + size_of_val(&self.rest[..])
             + self.boxes.memory_bytes()
+            + size_of_val(&self.cells[..])
+            + self.cells.iter().filter_map(OnceLock::get).map(Cells::heap_bytes).sum::<usize>()
     }
 
     /// Adds the subtree at `place`, which is left behind it.

@@ -44,7 +44,7 @@ impl Solid {
         first
     }
 
-    /// Says whether the ray crosses the surface with `t_min < t < t_max`: the same answer as `first_hit`, without the search for the nearest.
+    /// Says whether the ray crosses the surface with `t_min < t < t_max`: whether there is a [`Solid::first_hit`], which it takes as long as.
     pub fn any_hit(&self, ray: &Ray) -> bool {
         self.first_hit(ray).is_some()
     }

@@ -5,7 +5,6 @@ use glam::{DAffine3, DVec3};
 use crate::{
     Bounds, FormError, FreeForm, Operation, Psi, Quadric,
     bounds::Extent,
-    cells::Cells,
     plan::Plan,
     psi::LocalLinear,
     tree::{self, Join, Place, Token},
@@ -131,18 +130,12 @@ impl Solid {
         self.forms.len()
     }
 
-    /// Returns the memory held by the description and by what is derived from it, bytes.
+    /// Returns the memory held by the description and by what is derived from it, bytes. Blends hold more from the first ray on that meets them.
     pub fn memory_bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(&self.tokens[..])
             + self.forms.iter().map(FreeForm::memory_bytes).sum::<usize>()
             + self.plan.memory_bytes()
-            + self.cells().map(Cells::memory_bytes).sum::<usize>()
-    }
-
-    /// Returns the cells of its blends.
-    fn cells(&self) -> impl Iterator<Item = &Cells> {
-        (0_u32..).zip(&self.plan.units).filter_map(|(unit, _)| self.plan.cells(unit, &self.tokens, &self.forms))
     }
 
     /// Returns the box of the inside in world space: empty, finite or infinite.

@@ -444,3 +444,13 @@ fn a_ray_beside_a_blend_stays_outside_whatever_rounding_is_far_off() {
         }
     }
 }
+
+#[test]
+fn to_weigh_a_blend_does_not_cut_its_cells() {
+    let parts = (0..8).map(|i| ball(DVec3::X * f64::from(i), 0.7)).collect();
+    let molten = Solid::union(Psi::Blend { width: 0.2 }, parts).unwrap();
+    let before = molten.memory_bytes();
+    assert_eq!(molten.memory_bytes(), before, "weighed twice");
+    assert!(molten.any_hit(&Ray::new(DVec3::Z * 5.0, -DVec3::Z)), "a ray asks for them");
+    assert!(molten.memory_bytes() > before + 10_000, "then they count: {before} to {}", molten.memory_bytes());
+}
