@@ -32,7 +32,8 @@ pub(super) struct Loader<'a> {
     pub(super) warnings: Warnings,
     pub(super) cutter: Cutter,
     textures: HashMap<(PathBuf, Use), u32>,
-    objs: HashMap<(PathBuf, Option<u32>), Mesh>,
+    /// Where the meshes of OBJ files are in the description, as they were read: they are moved when no other needs them.
+    objs: HashMap<(PathBuf, Option<u32>), usize>,
     triangles: usize,
     default_material: Option<u32>,
 }
@@ -97,13 +98,19 @@ impl<'a> Loader<'a> {
         Ok(index)
     }
 
-    /// Adds a mesh whose materials point into the description.
-    pub(super) fn add_mesh(&mut self, mesh: Mesh, place: Place<'_>) -> Result<(), LoadError> {
-        self.triangles += mesh.triangles.len();
+    /// Adds a mesh whose materials point into the description; returns its index.
+    pub(super) fn add_mesh(&mut self, mesh: Mesh, place: Place<'_>) -> Result<usize, LoadError> {
+        self.count_triangles(mesh.triangles.len(), place)?;
+        self.description.meshes.push(mesh);
+        Ok(self.description.meshes.len() - 1)
+    }
+
+    /// Counts triangles that are about to be added.
+    fn count_triangles(&mut self, count: usize, place: Place<'_>) -> Result<(), LoadError> {
+        self.triangles += count;
         if self.triangles > limits::TRIANGLES {
             return Err(place.too_large(format!("more than {} triangles", limits::TRIANGLES), "use coarser meshes"));
         }
-        self.description.meshes.push(mesh);
         Ok(())
     }
 
@@ -149,11 +156,16 @@ impl<'a> Loader<'a> {
         }
     }
 
-    /// Reads an OBJ with the materials that its faces use, or with one `material` for all; they point into the description.
-    pub(super) fn obj(&mut self, path: &Path, material: Option<u32>, place: Place<'_>) -> Result<Mesh, LoadError> {
+    /// Adds the mesh of an OBJ with the materials that its faces use, or with one `material` for all; returns its index. It is not to be changed before
+    /// all files are read, for it is copied where its file is named again.
+    pub(super) fn add_obj(&mut self, path: &Path, material: Option<u32>, place: Place<'_>) -> Result<usize, LoadError> {
         let key = (self.files.identity(path), material);
-        if let Some(mesh) = self.objs.get(&key) {
-            return Ok(mesh.clone());
+        if let Some(&index) = self.objs.get(&key) {
+            // A small file may name a large one often: the limit comes before the copy.
+            self.count_triangles(self.description.meshes[index].triangles.len(), place)?;
+            let copy = self.description.meshes[index].clone();
+            self.description.meshes.push(copy);
+            return Ok(self.description.meshes.len() - 1);
         }
         let Obj { mut mesh, names, libraries } =
             obj::read(self.files, path, place, &mut self.cutter, &mut self.warnings)?;
@@ -167,8 +179,9 @@ impl<'a> Loader<'a> {
             }
             mesh.materials.iter_mut().for_each(|material| *material = indices[material]);
         }
-        self.objs.insert(key, mesh.clone());
-        Ok(mesh)
+        let index = self.add_mesh(mesh, place)?;
+        self.objs.insert(key, index);
+        Ok(index)
     }
 
     /// The material that `usemtl name` in the OBJ `path` means.
@@ -256,4 +269,25 @@ pub(super) fn scaled(environment: Environment, factor: f32, place: Place<'_>) ->
 /// An index within the limits as the description holds it.
 pub(super) fn as_u32(index: usize) -> u32 {
     u32::try_from(index).expect("counts are limited to less than 2^32")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_of_an_obj_count_before_they_are_made() {
+        let files = [("a.obj", &b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"[..])];
+        let mut loader = Loader::new(Files::Embedded(&files));
+        let (path, place) = (Path::new("a.obj"), Place::line(Path::new("a.toml"), 3));
+        loader.triangles = limits::TRIANGLES - 2;
+        assert_eq!(
+            (loader.add_obj(path, None, place), loader.add_obj(path, None, place)),
+            (Ok(0), Ok(1)),
+            "up to the limit"
+        );
+        let error = loader.add_obj(path, None, place).unwrap_err().to_string();
+        assert!(error.starts_with("a.toml:3: more than 268435456 triangles"), "{error}");
+        assert_eq!(loader.description.meshes.len(), 2, "nothing was copied");
+    }
 }

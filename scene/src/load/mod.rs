@@ -83,8 +83,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let settings = match extension.as_str() {
         "toml" => scene_file::read(&mut loader, path)?,
         "obj" => {
-            let mesh = loader.obj(path, None, place)?;
-            loader.add_mesh(mesh, place)?;
+            loader.add_obj(path, None, place)?;
             FileSettings::default()
         }
         _ => return Err(place.unsupported("not a scene by its name", "give a .toml or .obj file")),

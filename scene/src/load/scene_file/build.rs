@@ -38,17 +38,19 @@ pub(super) fn build(loader: &mut Loader<'_>, sources: &[Source]) -> Result<FileS
             }
         }
     }
+    let mut meshes = Vec::new();
     for source in sources {
         for table in &source.scene.mesh {
-            let place = source.place(table.span());
-            let mesh = mesh(loader, table, &names, source)?;
-            loader.add_mesh(mesh, place)?;
+            meshes.push((add_mesh(loader, table, &names, source)?, table, source));
         }
         for table in &source.scene.form {
             let form = form(loader, table, &names, source)?;
             loader.description.forms.push(form);
         }
         loader.description.lights.extend(source.scene.light.iter().map(light));
+    }
+    for (index, table, source) in meshes {
+        name_and_move(&mut loader.description.meshes[index], table, source)?;
     }
     let root = Place::file(&sources[0].path);
     if loader.description.meshes.is_empty() && loader.description.forms.is_empty() {
@@ -237,42 +239,48 @@ fn form(
     Ok(FormObject { name: name.clone(), solid, material, projection, copies: copies.unwrap_or_default() })
 }
 
-fn mesh(
+/// Adds a mesh as its file or its faces say; returns its index.
+fn add_mesh(
     loader: &mut Loader<'_>,
     table: &Spanned<MeshTable>,
     names: &Names<'_>,
     source: &Source,
-) -> Result<Mesh, LoadError> {
+) -> Result<usize, LoadError> {
     let place = source.place(table.span());
-    let MeshTable { name, material, file, positions, normals, uvs, faces, scale, rotate, translate } = table.get_ref();
+    let MeshTable { name, material, file, positions, normals, uvs, faces, .. } = table.get_ref();
     check_name(name, place)?;
     let material = material.as_ref().map(|name| named(name, names, source)).transpose()?;
-    let mut mesh = match file {
+    match file {
         Some(file) => {
             if !(positions.is_empty() && normals.is_empty() && uvs.is_empty() && faces.is_empty()) {
                 return Err(place.invalid("a mesh with a file and faces of its own", "keep one"));
             }
             check_name(file.as_ref(), source.place(file.span()))?;
             let path = loader.files.resolve(&source.path, file.as_ref());
-            loader.obj(&path, material, source.place(file.span()))?
+            loader.add_obj(&path, material, source.place(file.span()))
         }
         None => {
             let material = material.map_or_else(|| loader.default_material(place), Ok)?;
-            inline_mesh(loader, table, material, source)?
+            let mesh = inline_mesh(loader, table, material, source)?;
+            loader.add_mesh(mesh, place)
         }
-    };
+    }
+}
+
+/// Gives a mesh the name that its table says, and moves it to its place.
+fn name_and_move(mesh: &mut Mesh, table: &Spanned<MeshTable>, source: &Source) -> Result<(), LoadError> {
+    let MeshTable { name, scale, rotate, translate, .. } = table.get_ref();
     if !name.is_empty() {
         mesh.name.clone_from(name);
     }
     if let Some(transform) = transformation(*scale, *rotate, *translate) {
-        move_mesh(&mut mesh, &transform);
+        move_mesh(mesh, &transform);
         if mesh.positions.iter().any(|p| f64::from(p.abs().max_element()) > limits::COORDINATE) {
-            return Err(
-                place.invalid(format!("scaled beyond the limit of {:e} metres", limits::COORDINATE), "scale it less")
-            );
+            let what = format!("scaled beyond the limit of {:e} metres", limits::COORDINATE);
+            return Err(source.place(table.span()).invalid(what, "scale it less"));
         }
     }
-    Ok(mesh)
+    Ok(())
 }
 
 /// A mesh whose positions and faces are in the scene file; indices count from 0 and serve normals and uvs too.

@@ -46,7 +46,7 @@ pub(super) fn read(loader: &mut Loader<'_>, path: &Path) -> Result<FileSettings,
     let mut parents: Vec<Option<usize>> = Vec::new();
     let mut identities: Vec<PathBuf> = Vec::new();
     let mut seen = HashSet::new();
-    let mut meshes = Vec::new();
+    let mut meshes = 0;
     let mut wanted = vec![Wanted { path: path.to_owned(), parent: None }];
     // A list in place of recursion: a chain of a thousand files must not fill the stack.
     while let Some(Wanted { path, parent }) = wanted.pop() {
@@ -64,7 +64,8 @@ pub(super) fn read(loader: &mut Loader<'_>, path: &Path) -> Result<FileSettings,
             ancestor = parents[source];
         }
         if parent.is_some() && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
-            meshes.push((loader.obj(&path, None, place)?, parent));
+            loader.add_obj(&path, None, place)?;
+            meshes += 1;
             continue;
         }
         if !seen.insert(identity.clone()) {
@@ -76,7 +77,7 @@ pub(super) fn read(loader: &mut Loader<'_>, path: &Path) -> Result<FileSettings,
             check_name(name.as_ref(), source.place(name.span()))?;
             let path = loader.files.resolve(&source.path, name.as_ref());
             wanted.push(Wanted { path, parent: Some((index, name.span())) });
-            if wanted.len() + sources.len() + meshes.len() > limits::INCLUDES {
+            if wanted.len() + sources.len() + meshes > limits::INCLUDES {
                 return Err(source
                     .place(name.span())
                     .too_large(format!("more than {} files", limits::INCLUDES), "join them"));
@@ -85,10 +86,6 @@ pub(super) fn read(loader: &mut Loader<'_>, path: &Path) -> Result<FileSettings,
         parents.push(parent.map(|(source, _)| source));
         identities.push(identity);
         sources.push(source);
-    }
-    for (mesh, parent) in meshes {
-        let place = parent.map_or(Place::file(path), |(source, span)| sources[source].place(span));
-        loader.add_mesh(mesh, place)?;
     }
     build::build(loader, &sources)
 }
