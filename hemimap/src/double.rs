@@ -64,6 +64,19 @@ pub fn atan_unit(x: f64) -> f64 {
     x + x * (s * horner(&ATAN, s))
 }
 
+/// Returns (sin, cos) of the angle `t` pi/4, for |`t`| <= 1, each within 2.3e-16; near 0 the sine keeps its digits. No function of the platform is called.
+///
+/// ```
+/// let (sin, cos) = hemimap::double::sin_cos_eighth_turn(1.0);
+/// assert!(sin == cos && (sin * sin - 0.5).abs() < 1e-15);
+/// ```
+#[inline]
+#[must_use]
+pub fn sin_cos_eighth_turn(t: f64) -> (f64, f64) {
+    let s = t * t;
+    (t * (s * horner(&SIN, s) + FRAC_PI_4), 1.0 + s * horner(&COS, s))
+}
+
 /// Returns the point of the unit disk that belongs to the point `u` of the unit square. See [`crate::square_to_disk`].
 #[inline]
 #[must_use]
@@ -199,13 +212,6 @@ fn to_disk(u: DVec2) -> [f64; 3] {
     let (along, across) = (r * cos, r * sin);
     let (x, y) = if lies { (along, across) } else { (across, along) };
     [x, y, r.abs()]
-}
-
-/// (sin, cos) of the angle `t` pi/4, for |t| <= 1.
-#[inline]
-fn sin_cos_eighth_turn(t: f64) -> (f64, f64) {
-    let s = t * t;
-    (t * (s * horner(&SIN, s) + FRAC_PI_4), 1.0 + s * horner(&COS, s))
 }
 
 /// The polynomial with the coefficients `c`, constant term first, at `s`.

@@ -4,13 +4,27 @@
 //! neighbours: a cell's weight is the mean of the bilinear function over it, which is the sum of 3 x 3 pixels with the weights 1/8, 3/4, 1/8 along each axis. Thus the density
 //! is never 0 where the radiance is not. Within a cell, directions are uniform per solid angle, so that nothing diverges at the poles.
 
-use std::f32::consts::TAU;
+use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 use super::{Emission, LightSample, Sphere, narrow};
 use crate::Environment;
 use crate::environment::direction_to_uv;
+
+/// The part of the sphere that a row of the picture covers.
+///
+/// A height is that of the cap around the nearer pole, 1 - |cos theta|: beside a pole cosines in single precision are all 1, and the rows of a tall picture would have no
+/// solid angle.
+#[derive(Debug, Clone, Copy)]
+struct Band {
+    /// Height at the border that is nearer to the pole.
+    near: f32,
+    /// What the height grows by to the other border.
+    step: f32,
+    /// Solid angle of each cell of the row, sr.
+    cell_solid_angle: f32,
+}
 
 /// The surroundings with a table of where they are bright.
 #[derive(Debug, Clone)]
@@ -20,8 +34,8 @@ pub(super) struct EnvironmentLight {
     columns: Tables,
     /// The sums of the rows' shares.
     rows: Tables,
-    /// Cosine of the polar angle at the rows' borders, from 1 to -1.
-    cosines: Vec<f32>,
+    /// Where the rows lie on the sphere.
+    bands: Vec<Band>,
     /// Integral of the radiance over the sphere, W m^-2.
     integral: Vec3,
 }
@@ -32,11 +46,12 @@ impl EnvironmentLight {
         let (width, height) = (environment.width as usize, environment.height as usize);
         let mut columns = Tables::with_capacity(width, height);
         let mut row_weights = Vec::with_capacity(height);
-        let cosines: Vec<f64> =
-            (0..=height).map(|row| (std::f64::consts::PI * row as f64 / height as f64).cos()).collect();
+        let mut bands = Vec::with_capacity(height);
         let mut integral = DVec3::ZERO;
         for row in 0..height {
-            let cell_solid_angle = std::f64::consts::TAU / width as f64 * (cosines[row] - cosines[row + 1]);
+            let (near, step) = heights(row, height);
+            let cell_solid_angle = TAU / width as f64 * step;
+            bands.push(Band { near: narrow(near), step: narrow(step), cell_solid_angle: narrow(cell_solid_angle) });
             let means: Vec<DVec3> = (0..width).map(|column| mean_over_cell(&environment, column, row)).collect();
             let sum = means.iter().sum::<DVec3>();
             integral += sum * cell_solid_angle;
@@ -46,8 +61,7 @@ impl EnvironmentLight {
         let mut rows = Tables::with_capacity(height, 1);
         rows.append(row_weights.into_iter());
         let integral = integral.as_vec3();
-        let cosines = cosines.into_iter().map(narrow).collect();
-        (integral.max_element() > 0.0).then_some(Self { environment, columns, rows, cosines, integral })
+        (integral.max_element() > 0.0).then_some(Self { environment, columns, rows, bands, integral })
     }
 
     /// Returns the same surroundings with a table of where `weight` of their radiance is bright; `None` where it is black.
@@ -58,9 +72,9 @@ impl EnvironmentLight {
         let mut important = self.environment.clone();
         // Integrals over the sphere of the part, and of its root.
         let (mut integral, mut of_roots) = (DVec3::ZERO, 0.0);
-        let rows = important.pixels.chunks_exact_mut(important.width as usize).zip(self.cosines.windows(2));
-        for (row, cosines) in rows {
-            let solid_angle = f64::from(TAU * (cosines[0] - cosines[1]) / row.len() as f32);
+        let rows = important.pixels.chunks_exact_mut(important.width as usize).zip(&self.bands);
+        for (row, band) in rows {
+            let solid_angle = f64::from(band.cell_solid_angle);
             for pixel in row {
                 *pixel = weight(*pixel);
                 integral += pixel.as_dvec3() * solid_angle;
@@ -93,8 +107,11 @@ impl EnvironmentLight {
     pub(super) fn direction(&self, u: Vec2) -> Vec3A {
         let (row, y) = self.rows.invert(0, u.y);
         let (column, x) = self.columns.invert(row, u.x);
-        let cosine = self.cosines[row] + (self.cosines[row + 1] - self.cosines[row]) * y;
-        let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
+        let Band { near, step, .. } = self.bands[row];
+        let is_lower = 2 * row >= self.bands.len();
+        let height = near + step * if is_lower { 1.0 - y } else { y };
+        let cosine = if is_lower { height - 1.0 } else { 1.0 - height };
+        let sine = (height * (2.0 - height)).sqrt();
         let (sin_phi, cos_phi) = hemimap::sin_cos_turn((column as f32 + x) / self.environment.width as f32);
         Vec3A::new(sine * sin_phi, cosine, -sine * cos_phi)
     }
@@ -120,8 +137,7 @@ impl EnvironmentLight {
         let row = cell(uv.y, self.environment.height);
         let column = cell(uv.x, self.environment.width);
         let share = self.rows.share(0, row) * self.columns.share(row, column);
-        let solid_angle = TAU / self.environment.width as f32 * (self.cosines[row] - self.cosines[row + 1]);
-        share / solid_angle
+        share / self.bands[row].cell_solid_angle
     }
 
     pub(super) fn emit(&self, surroundings: &Sphere, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
@@ -135,8 +151,22 @@ impl EnvironmentLight {
         self.environment.memory_bytes()
             + self.columns.memory_bytes()
             + self.rows.memory_bytes()
-            + self.cosines.capacity() * size_of::<f32>()
+            + self.bands.capacity() * size_of::<Band>()
     }
+}
+
+/// Returns the height of the border of a row that is nearer to its pole, and what it grows by to the other border. The row in the middle, if there is one, goes by the upper
+/// pole, and beyond 1.
+fn heights(row: usize, rows: usize) -> (f64, f64) {
+    // 1 - cos theta = 2 sin^2(theta / 2), where half the angle is at most an eighth of a turn.
+    let height = |border: usize| {
+        let (sin, _) = hemimap::double::sin_cos_eighth_turn((2 * border) as f64 / rows as f64);
+        2.0 * sin * sin
+    };
+    let from_pole = row.min(rows - 1 - row);
+    let near = height(from_pole);
+    let far = if 2 * from_pole + 1 == rows { 2.0 - near } else { height(from_pole + 1) };
+    (near, far - near)
 }
 
 /// Returns the mean of the bilinear radiance over a pixel.
@@ -228,6 +258,8 @@ fn cell(u: f32, size: u32) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     #[test]
@@ -246,6 +278,96 @@ mod tests {
                     let expected = sums.partition_point(|&sum| sum <= u) - 1;
                     assert_eq!(tables.invert(table, u).0, expected, "{u} of table {table} of {steps} steps");
                 }
+            }
+        }
+    }
+
+    /// Surroundings of one column with light 1 in some rows.
+    fn lit_rows(height: usize, lit: &[usize]) -> EnvironmentLight {
+        let mut pixels = vec![Vec3::ZERO; height];
+        lit.iter().for_each(|&row| pixels[row] = Vec3::ONE);
+        let height = u32::try_from(height).expect("a picture's height");
+        EnvironmentLight::new(Environment::from_pixels(1, height, pixels)).expect("it shines")
+    }
+
+    /// Polar angle of a direction, in rows.
+    fn rows_down(direction: Vec3A, height: usize) -> f64 {
+        let [x, y, z] = direction.to_array();
+        f64::from(x).hypot(f64::from(z)).atan2(f64::from(y)) * height as f64 / PI
+    }
+
+    #[test]
+    fn density_times_solid_angle_is_one() {
+        for height in [1, 2, 3, 4, 7, 1024, 16_384, 16_385] {
+            // All but alike in flux, so that no share is lost to rounding.
+            let lit = [0, 1, 100, height / 2, height.max(2) - 2, height - 1].map(|row: usize| row.min(height - 1));
+            let light = lit_rows(height, if height == 1 { &lit[..1] } else { &lit });
+            let mut sum = 0.0;
+            for row in 0..height {
+                let share = f64::from(light.rows.share(0, row));
+                let (from, to) = (row as f64 * PI / height as f64, (row + 1) as f64 * PI / height as f64);
+                let solid_angle = 2.0 * TAU * (0.5 * (from + to)).sin() * (0.5 * (to - from)).sin();
+                let v = narrow((row as f64 + 0.5) / height as f64);
+                let found = f64::from(light.pdf_at(Vec2::new(0.5, v))) * solid_angle;
+                // Three roundings, and those of a sum of shares.
+                assert!((found - share).abs() <= 4e-7 * share, "row {row} of {height}: {found} instead of {share}");
+                sum += found;
+            }
+            assert!((sum - 1.0).abs() < 1e-5, "{height} rows: {sum}");
+        }
+    }
+
+    #[test]
+    fn directions_lie_in_their_row_in_proportion_to_its_solid_angle() {
+        for height in [1, 2, 3, 5, 16, 1023, 16_384, 16_385] {
+            for row in [0, 1, 100, height / 4, height / 2, height - height / 4, height.max(2) - 2, height - 1] {
+                if row >= height {
+                    continue;
+                }
+                let light = lit_rows(height, &[row]);
+                let sums = &light.rows.sums;
+                for i in 0..=16 {
+                    let u = sums[row] + (sums[row + 1] - sums[row]) * i as f32 / 16.0;
+                    let (found, y) = light.rows.invert(0, u);
+                    let direction = light.direction(Vec2::new(0.3, u));
+                    assert!((direction.length() - 1.0).abs() < 3e-7, "row {row} of {height}: {direction} is unit");
+                    let (from, to) = (found as f64 * PI / height as f64, (found + 1) as f64 * PI / height as f64);
+                    // The angle whose 2 sin^2 of its half is so far between those of the borders.
+                    let half = |angle: f64| (0.5 * angle).sin().powi(2);
+                    let exact = half(from) + (half(to) - half(from)) * f64::from(y);
+                    let exact = 2.0 * exact.sqrt().asin() * height as f64 / PI;
+                    let down = rows_down(direction, height);
+                    // What single precision leaves of angles, at the equator and where 1 - y is rounded.
+                    let tolerance = 1e-6 + 3e-7 * height as f64;
+                    assert!((down - exact).abs() < tolerance, "row {row} of {height}, {y}: {down} instead of {exact}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn light_at_the_poles_of_tall_pictures_is_found_without_bias() {
+        for height in [64, 1024, 4096, 16_384] {
+            for pole in [0, height - 1] {
+                let light = lit_rows(height, &[pole]);
+                // Radiance is 1 up to the middle of the row, and falls to 0 in the middle of the next.
+                let exact: f64 = (0..3000)
+                    .map(|i| {
+                        let rows = (f64::from(i) + 0.5) / 2000.0;
+                        let angle = rows * PI / height as f64;
+                        (1.5 - rows).min(1.0) * TAU * angle.sin() * PI / height as f64 / 2000.0
+                    })
+                    .sum();
+                let count = 1 << 16;
+                let sum: f64 = (0..count)
+                    .filter_map(|i| {
+                        let u = Vec2::new(0.3, (i as f32 + 0.5) / count as f32);
+                        light.sample_at(light.direction(u), 1.0)
+                    })
+                    .map(|sample| f64::from(sample.radiance.x / sample.pdf))
+                    .sum();
+                let found = sum / f64::from(count);
+                assert!((found / exact - 1.0).abs() < 1e-3, "row {pole} of {height}: {found} instead of {exact}");
             }
         }
     }
