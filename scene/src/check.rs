@@ -1,6 +1,7 @@
 //! Checks every number and index of a description once, so that nothing else has to.
 
-use glam::{Vec2, Vec3};
+use freeform::Bounds;
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use crate::description::NO_INDEX;
 use crate::media::MediumTable;
@@ -8,7 +9,7 @@ use crate::{
     BuildError, Description, Environment, FormObject, Material, Mesh, Noise, PunctualLight, SpecularKind, Texture,
 };
 
-/// Triangles and free forms together, and vertices, at most.
+/// Triangles, free forms, and vertices of each kind, at most: each for itself, so that primitives are numbered in less than 32 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 const MAX_MATERIALS: usize = 65_536;
 /// Farther coordinates would overflow f32 in the triangle test, whose products are of the third degree.
@@ -105,23 +106,37 @@ fn check_indices(
 const MAX_PARTS: usize = 1 << 24;
 
 fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), BuildError> {
-    if form.material as usize >= materials {
-        return Err(BuildError::Form { form: form.name.clone(), index, what: "its material does not exist" });
-    }
-    if form.copies.iter().any(|copy| !(copy.is_finite() && copy.inverse().is_finite())) {
-        return Err(BuildError::Form { form: form.name.clone(), index, what: "a copy is singular or not finite" });
-    }
-    if form.projection.is_some_and(|projection| !projection.is_sound()) {
-        return Err(BuildError::Form {
-            form: form.name.clone(),
-            index,
-            what: "its projection is singular or not finite",
-        });
-    }
-    if form.solid.form_count() > MAX_PARTS {
-        return Err(BuildError::Form { form: form.name.clone(), index, what: "it has more than 16 million parts" });
-    }
-    Ok(())
+    let problem = if form.material as usize >= materials {
+        Some("its material does not exist")
+    } else if form.copies.iter().any(|copy| !(copy.is_finite() && copy.inverse().is_finite())) {
+        Some("a copy is singular or not finite")
+    } else if is_far(form) {
+        Some("it or a copy reaches beyond 1e12")
+    } else if form.projection.is_some_and(|projection| !projection.is_sound()) {
+        Some("its projection is singular or not finite")
+    } else if form.solid.form_count() > MAX_PARTS {
+        Some("it has more than 16 million parts")
+    } else {
+        None
+    };
+    problem.map_or(Ok(()), |what| Err(BuildError::Form { form: form.name.clone(), index, what }))
+}
+
+/// Whether a form with an end, or a copy of it, reaches beyond the largest coordinate. Of a form without one only the places of copies are known.
+fn is_far(form: &FormObject) -> bool {
+    let far = |p: DVec3| !p.is_finite() || p.abs().max_element() > f64::from(MAX_COORDINATE);
+    let Bounds::Finite { min, max } = form.solid.bounds() else {
+        return form.copies.iter().any(|copy| far(copy.translation));
+    };
+    let (middle, half) = (0.5 * (min + max), 0.5 * (max - min));
+    // Half of the box around the moved box is the moved half with all signs the same.
+    let is_far_copy = |copy: &DAffine3| {
+        let moved = copy.transform_point3(middle);
+        let m = copy.matrix3;
+        let reach = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
+        far(moved.abs() + reach)
+    };
+    if form.copies.is_empty() { far(min) || far(max) } else { form.copies.iter().any(is_far_copy) }
 }
 
 /// Of transparent materials with priorities there are at most so many as can be numbered.
@@ -255,4 +270,28 @@ fn is_share(color: Vec3) -> bool {
 /// Whether all channels are finite and not negative.
 fn is_light(color: Vec3) -> bool {
     color.is_finite() && color.cmpge(Vec3::ZERO).all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use freeform::{FreeForm, Quadric};
+
+    #[test]
+    fn forms_and_their_copies_are_within_the_largest_coordinate() {
+        let problem = |center: DVec3, radius: f64, copies: Vec<DAffine3>| {
+            let solid = FreeForm::new(Quadric::sphere(center, radius).unwrap(), vec![]).unwrap().into();
+            let form = FormObject { name: String::new(), solid, material: 0, projection: None, copies };
+            check_form(0, &form, 1).err().map(|error| error.to_string())
+        };
+        let far = Some("free form \"\" (0): it or a copy reaches beyond 1e12".to_owned());
+        assert_eq!(problem(DVec3::ZERO, 0.999e12, vec![]), None, "as large as can be");
+        assert_eq!(problem(DVec3::ZERO, 1.001e12, vec![]), far, "too large");
+        assert_eq!(problem(DVec3::Z * -1e12, 1.0, vec![]), far, "too far");
+        let moved = DAffine3::from_translation(DVec3::X * 1e12);
+        assert_eq!(problem(DVec3::X * -1e12, 1.0, vec![moved]), None, "only its copies are there");
+        assert_eq!(problem(DVec3::ZERO, 1.0, vec![DAffine3::IDENTITY, moved]), far, "a copy too far");
+        let grown = DAffine3::from_scale(DVec3::new(1.0, -2e12, 1.0));
+        assert_eq!(problem(DVec3::ZERO, 1.0, vec![grown]), far, "a copy too large");
+    }
 }

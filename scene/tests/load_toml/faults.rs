@@ -162,6 +162,21 @@ fn faults_are_refused_by_line_and_field() {
             3,
             "an unbounded form repeated; clip it",
         ),
+        (
+            "[[form]]\nquadric.coefficients = [-1e-38, -1e-38, -1e-38, 0, 0, 0, 0, 0, 0, 1e38]",
+            1,
+            "a form that reaches beyond the limit of 1e9 metres",
+        ),
+        (
+            "[[form]]\nscale = 1e6\nunion = [{ quadric.sphere = { center = [0, 0, 0], radius = 1 }, scale = 1e6 }]",
+            1,
+            "a form that reaches beyond the limit of 1e9 metres",
+        ),
+        (
+            "[[form]]\ntranslate = [0, 0, -1e9]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }",
+            1,
+            "a form that reaches beyond the limit of 1e9 metres",
+        ),
         ("[[form]]\nprojection.sphere = { }", 2, "unknown field 'sphere'; write 'spherical'"),
         ("[[form]]\nprojection.planar = { right = [1, 0, 0] }", 2, "missing field `up`"),
         ("[[form]]\nprojection.box = { size = 0 }", 2, "size: 0 is out of range"),

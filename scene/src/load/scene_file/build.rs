@@ -232,6 +232,10 @@ fn form(
         Bounds::Finite { min, max } if min.cmpge(max).any() => {
             return Err(place.invalid("a form without inside", "let its parts meet, or remove it"));
         }
+        Bounds::Finite { min, max } if min.abs().max(max.abs()).max_element() > limits::COORDINATE => {
+            let what = format!("a form that reaches beyond the limit of {:e} metres", limits::COORDINATE);
+            return Err(place.invalid(what, "make it smaller or clip it"));
+        }
         _ => {}
     }
     let center = translate.map_or(DVec3::ZERO, |point| point.0);
