@@ -17,10 +17,23 @@ pub struct Camera {
     pub fov_y_degrees: f32,
 }
 
-/// Angle of view of a camera that nobody chose, degrees.
-const DEFAULT_FOV: f32 = 40.0;
+/// Angle of view that nobody chose, degrees.
+pub(crate) const DEFAULT_FOV: f32 = 40.0;
+
+/// Below this sine between up and the view the sides of the picture would be rounding errors.
+const LEAST_SINE: f32 = 1e-5;
 
 impl Camera {
+    /// Returns the unit vector of the view; `None` where `eye` and `at` are the same point.
+    pub(crate) fn forward(&self) -> Option<Vec3> {
+        (self.at - self.eye).try_normalize()
+    }
+
+    /// Whether `up` is a direction that differs from `forward`.
+    pub(crate) fn is_upright(&self, forward: Vec3) -> bool {
+        self.up.try_normalize().is_some_and(|up| up.cross(forward).length() >= LEAST_SINE)
+    }
+
     /// Returns a camera that sees all of `bounds`, from the front (+z), a little from above and from the right.
     #[must_use]
     pub fn framing(bounds: Aabb) -> Self {

@@ -251,14 +251,10 @@ fn check_camera(camera: &crate::Camera) -> Result<(), BuildError> {
     if !(camera.fov_y_degrees > 0.0 && camera.fov_y_degrees < 180.0) {
         return Err(BuildError::Camera("the angle of view is not between 0 and 180 degrees"));
     }
-    let Some(forward) = (camera.at - camera.eye).try_normalize() else {
-        return Err(BuildError::Camera("eye and at are the same point"));
-    };
-    // Below this sine the sides of the picture would be rounding errors.
-    const LEAST_SINE: f32 = 1e-5;
-    match camera.up.try_normalize() {
-        Some(up) if up.cross(forward).length() >= LEAST_SINE => Ok(()),
-        _ => Err(BuildError::Camera("up is parallel to the view or of length 0")),
+    match camera.forward() {
+        None => Err(BuildError::Camera("eye and at are the same point")),
+        Some(forward) if camera.is_upright(forward) => Ok(()),
+        Some(_) => Err(BuildError::Camera("up is parallel to the view or of length 0")),
     }
 }
 

@@ -29,6 +29,8 @@ fn faults_are_refused_by_line_and_field() {
         ("[camera]\neye = [0, 0, 1]\nat = [0, 0, 0]\nfov = nan", 4, "fov: NaN is out of range"),
         ("[camera]\neye = [0, 0, 1]\nat = [0, 0, 1]", 1, "eye and at are the same point"),
         ("[camera]\neye = [0, 5, 0]\nat = [0, 0, 0]", 1, "up is parallel to the view"),
+        ("[camera]\neye = [1.5e-5, 5, 0]\nat = [0, 0, 0]", 1, "up is parallel to the view"),
+        ("[camera]\neye = [0, 0, 0]\nat = [1e-30, 0, 0]", 1, "eye and at are the same point"),
         ("[camera]\neye = [0, 5, 0]\nat = [0, 0, 0]\nup = [0, 0, 0]", 4, "a direction of length zero"),
         ("[camera]\neye = [0, 5]\nat = [0, 0, 0]", 2, "eye: 2 numbers where 3 are needed"),
         ("[camera]\neye = [0, 5, inf]\nat = [0, 0, 0]", 2, "eye: inf at index 2 is out of range"),

@@ -11,15 +11,13 @@ use super::schema::{
 };
 use super::values::{Angles, Point, Scale};
 use super::{Source, forms, repeat};
+use crate::camera::DEFAULT_FOV;
 use crate::description::{FormObject, Material, Mesh, PunctualLight, SpecularKind};
 use crate::load::error::{LoadError, Place, nearest, quoted};
 use crate::load::files::check_name;
 use crate::load::loader::{Loader, Use, scaled};
 use crate::load::{FileSettings, limits, obj};
 use crate::{Camera, Noise, Pattern};
-
-/// Angle of view of a camera that names none, degrees.
-const FOV: f32 = 40.0;
 
 /// Indices of materials by name.
 type Names<'a> = HashMap<&'a str, u32>;
@@ -82,16 +80,19 @@ fn first<'a, T>(sources: &'a [Source], part: impl Fn(&'a Source) -> Option<T>) -
 fn camera(table: &Spanned<CameraTable>, source: &Source) -> Result<Camera, LoadError> {
     let place = source.place(table.span());
     let CameraTable { eye, at, up, fov } = table.get_ref();
-    let (eye, at) = (eye.0.as_vec3(), at.0.as_vec3());
-    let up = up.map_or(DVec3::Y, |up| up.0);
-    let Some(view) = (at - eye).as_dvec3().try_normalize() else {
+    let camera = Camera {
+        eye: eye.0.as_vec3(),
+        at: at.0.as_vec3(),
+        up: up.map_or(Vec3::Y, |up| up.0.as_vec3()),
+        fov_y_degrees: fov.map_or(DEFAULT_FOV, |fov| fov.0),
+    };
+    let Some(forward) = camera.forward() else {
         return Err(place.invalid("eye and at are the same point", "move one of them"));
     };
-    // Within a millionth of a radian the picture's right is made of rounding.
-    if view.cross(up).length() < 1e-6 {
+    if !camera.is_upright(forward) {
         return Err(place.invalid("up is parallel to the view", "give another up, such as up = [0, 0, -1]"));
     }
-    Ok(Camera { eye, at, up: up.as_vec3(), fov_y_degrees: fov.map_or(FOV, |fov| fov.0) })
+    Ok(camera)
 }
 
 fn environment(
