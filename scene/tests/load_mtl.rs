@@ -91,3 +91,10 @@ fn hostile_libraries_are_refused() {
         "is not a regular file",
     );
 }
+
+#[test]
+fn glass_needs_none_of_its_pictures() {
+    let glass = material("illum 7\nNi 1.5\nmap_Kd none.png\nmap_d none.png");
+    assert!(matches!(glass.specular, SpecularKind::Dielectric { .. }), "{:?}", glass.specular);
+    assert_eq!((glass.diffuse_texture, glass.opacity_texture), (None, None), "nothing shows them");
+}

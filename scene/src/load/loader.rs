@@ -194,11 +194,12 @@ impl<'a> Loader<'a> {
             return self.default_material(file);
         };
         let mut material = mtl_meaning::translate(mtl, mtl_path, &mut self.warnings)?;
-        if let Some(map) = &mtl.diffuse_map {
+        // Glass has neither a diffuse part nor holes: a picture that nothing would show may be missing.
+        let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
+        if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits) {
             let texture = self.files.resolve(mtl_path, &map.value);
             material.diffuse_texture = Some(self.texture(&texture, Use::Color, Place::line(mtl_path, map.line))?);
         }
-        let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
         if let Some(map) = mtl.dissolve_map.as_ref().filter(|_| !transmits) {
             let texture = self.files.resolve(mtl_path, &map.value);
             material.opacity_texture = Some(self.texture(&texture, Use::Mask, Place::line(mtl_path, map.line))?);
