@@ -98,3 +98,14 @@ fn glass_needs_none_of_its_pictures() {
     assert!(matches!(glass.specular, SpecularKind::Dielectric { .. }), "{:?}", glass.specular);
     assert_eq!((glass.diffuse_texture, glass.opacity_texture), (None, None), "nothing shows them");
 }
+
+#[test]
+fn a_thousand_libraries_are_read_and_no_more() {
+    let obj = |count: usize| {
+        // The first is named again at the end, which counts for nothing.
+        let names: String = (0..count).chain([0]).map(|i| format!("mtllib {i}.mtl\n")).collect();
+        format!("{names}v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    };
+    assert!(load_files(&[("a.obj", obj(1000).as_bytes())]).is_ok(), "as many as are allowed");
+    assert_refused(&[("a.obj", obj(1001).as_bytes())], "a.obj:1001: more than 1000 material libraries", "join them");
+}

@@ -215,13 +215,13 @@ impl<'a> Loader<'a> {
             let place = Place::line(path, *line);
             for name in self.library_names(path, argument) {
                 let file = self.files.resolve(path, &name);
+                if !seen.insert(self.files.identity(&file)) {
+                    continue;
+                }
                 if seen.len() > limits::INCLUDES {
                     return Err(
                         place.too_large(format!("more than {} material libraries", limits::INCLUDES), "join them")
                     );
-                }
-                if !seen.insert(self.files.identity(&file)) {
-                    continue;
                 }
                 if !self.files.exists(&file) {
                     self.warnings.add(format!("{place}: material library {} not found", quoted(&name)));
