@@ -98,7 +98,7 @@ pub enum SpecularKind {
         alpha: f32,
         /// Constant factor, or reflectance at normal incidence where `schlick` is set.
         reflectance: Vec3,
-        /// Whether Schlick's Fresnel term raises the reflectance to 1 at grazing angles.
+        /// Whether Schlick's Fresnel term raises the reflectance at grazing angles, to what the diffuse part beneath leaves of 1.
         schlick: bool,
     },
     /// A perfect mirror.
