@@ -21,6 +21,7 @@ mod noise;
 mod projection;
 mod ray;
 mod scene;
+mod srgb;
 mod surface;
 mod texture;
 mod triangles;

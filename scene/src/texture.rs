@@ -5,6 +5,8 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::srgb::linear_from_srgb;
+
 /// A picture for colours or masks.
 #[derive(Debug, Clone)]
 pub struct Texture {
@@ -31,7 +33,7 @@ impl Texture {
     #[must_use]
     pub fn from_srgb8(width: u32, height: u32, codes: Vec<[u8; 3]>) -> Self {
         check_size(width, height, codes.len());
-        let linear = Box::new(std::array::from_fn(|code| srgb_to_linear(code as f32 / 255.0)));
+        let linear = Box::new(std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
         Self { width, height, texels: Texels::Coded { codes, linear } }
     }
 
@@ -119,11 +121,6 @@ fn neighbours(u: f32, size: u32) -> (u32, u32, f32) {
     #[expect(clippy::cast_possible_truncation, reason = "a number between -1 and the picture's size")]
     let first = floor as i64;
     (wrap(first), wrap(first + 1), if fraction.is_finite() { fraction } else { 0.0 })
-}
-
-/// Returns the linear light of an sRGB value in [0, 1] (IEC 61966-2-1).
-fn srgb_to_linear(x: f32) -> f32 {
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 fn check_size(width: u32, height: u32, count: usize) {

@@ -10,6 +10,7 @@ use super::error::{LoadError, Place};
 use super::files::Files;
 use super::warnings::Warnings;
 use super::{limits, picture_exr, read_file};
+use crate::srgb::linear_from_srgb;
 
 /// A picture as its file has it, NaN, infinite and negative values included: for whoever measures pictures. Those that scenes name are mended.
 ///
@@ -108,11 +109,6 @@ impl Picture {
         };
         Ok(Self { size, pixels, format })
     }
-}
-
-/// The inverse of the sRGB curve (IEC 61966-2-1).
-fn linear_from_srgb(code: f32) -> f32 {
-    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Pixels of a picture that a scene uses, the first row on top.
