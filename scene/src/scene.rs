@@ -9,7 +9,7 @@ use glam::{UVec2, Vec2, Vec3, Vec3A};
 use crate::bvh::{Bvh, Primitive};
 use crate::check;
 use crate::form::Form;
-use crate::light::{FormLight, TriangleLight};
+use crate::light::{Areas, FormLight, TriangleLight};
 use crate::media::MediumTable;
 use crate::mix;
 use crate::triangles::Triangles;
@@ -463,12 +463,14 @@ fn triangle_lights(triangles: &Triangles, materials: &[Material]) -> Vec<Triangl
 fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<FormLight> {
     let first = triangles.len();
     let shines = |form: &Form| materials[form.material as usize].is_emissive();
-    let count = forms.iter().filter(|form| shines(form)).count();
+    let mut areas = Areas::new(forms.iter().filter(|form| shines(form)).map(|form| &form.body));
     let light = |(primitive, form): (usize, &Form)| {
         let material = &materials[form.material as usize];
         let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
         let sampled = shines(form) && material.opacity_texture.is_none() && form.bounds.is_some();
-        sampled.then(|| FormLight::new(&form.body, material.emission, material.opacity, primitive, count)).flatten()
+        sampled
+            .then(|| FormLight::new(&form.body, material.emission, material.opacity, primitive, &mut areas))
+            .flatten()
     };
     (first..).zip(forms).filter_map(light).collect()
 }

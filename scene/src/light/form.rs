@@ -17,6 +17,7 @@ use freeform::{Ray as LineRay, Solid};
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3A};
 use hemimap::double::Frame;
 
+use super::areas::Areas;
 use super::region::Region;
 use super::{Emission, LightSample, is_over_horizon, narrow};
 use crate::body::Body;
@@ -26,12 +27,13 @@ use crate::{Aabb, Ray, surface};
 /// An emissive free form.
 #[derive(Debug, Clone)]
 pub(crate) struct FormLight {
-    body: Body,
+    pub(super) body: Body,
     region: Region,
     /// A sphere around the form.
     centre: DVec3,
     radius: f64,
-    area: f64,
+    /// m^2; of what is no ball right to about a hundredth.
+    pub(super) area: f64,
     /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean.
     radiance: Vec3,
     /// Whether it is there in part, so that rays may see what is behind its front.
@@ -46,14 +48,9 @@ const POSITION_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 /// Behind a crossing the search on a line goes on this share of the radius farther.
 const STEP: f64 = 1e-9;
 
-/// Lines by which the area of a form is found, unless it is known: their count of exits is then good to about a hundredth. It only steers the choice of lights.
-const AREA_LINES: u32 = 4096;
-/// The same for all forms together, so that ten thousand lamps take no longer to set up than a few hundred; each has 64 at least.
-const AREA_LINES_TOTAL: usize = 1 << 20;
-
 impl FormLight {
-    /// Makes a light, one of `count`; `None` where the form has no bounds, no area or no radiance. `opacity` is the share of it that is there.
-    pub(crate) fn new(body: &Body, emission: Vec3, opacity: f32, primitive: u32, count: usize) -> Option<Self> {
+    /// Makes a light; `None` where the form has no bounds, no area or no radiance. `opacity` is the share of it that is there.
+    pub(crate) fn new(body: &Body, emission: Vec3, opacity: f32, primitive: u32, areas: &mut Areas) -> Option<Self> {
         let (min, max) = body.bounds()?;
         let ellipsoid = ellipsoid(body.solid()).map(|to_unit| body.world_to_local().map_or(to_unit, |m| to_unit * *m));
         let centre = 0.5 * (min + max);
@@ -69,9 +66,7 @@ impl FormLight {
             is_pierced: opacity < 1.0,
             primitive,
         };
-        let lines =
-            u32::try_from(AREA_LINES_TOTAL / count.max(1)).map_or(AREA_LINES, |lines| lines.clamp(64, AREA_LINES));
-        light.area = ball.map_or_else(|| light.measured_area(lines), |radius| 4.0 * PI * radius * radius);
+        light.area = ball.map_or_else(|| areas.of(&light), |radius| 4.0 * PI * radius * radius);
         (light.area > 0.0 && light.area.is_finite() && light.radiance.max_element() > 0.0).then_some(light)
     }
 
@@ -196,7 +191,8 @@ impl FormLight {
         }
     }
 
-    fn measured_area(&self, lines: u32) -> f64 {
+    /// Returns the area, m^2, by the exits of so many lines.
+    pub(super) fn measured_area(&self, lines: u32) -> f64 {
         let mut exits = 0.0;
         for i in 0..lines {
             // Roberts' sequence in four dimensions: powers of the root of x^5 = x + 1.
@@ -231,7 +227,7 @@ fn ellipsoid(solid: &Solid) -> Option<DAffine3> {
 }
 
 /// Returns the radius of a ball that `to_unit` maps to the unit ball; `None` where it is no ball in the first nine digits.
-fn ball_radius(to_unit: DMat3) -> Option<f64> {
+pub(super) fn ball_radius(to_unit: DMat3) -> Option<f64> {
     let s = to_unit.transpose() * to_unit;
     let size = s.x_axis.x;
     let rest = s - DMat3::from_diagonal(DVec3::splat(size));
@@ -247,7 +243,8 @@ mod tests {
     use freeform::{FreeForm, Perturbation, Psi, Quadric};
 
     fn light(solid: Solid) -> FormLight {
-        FormLight::new(&Body::new(Arc::new(solid)), Vec3::ONE, 1.0, 0, 1).expect("it shines")
+        let body = Body::new(Arc::new(solid));
+        FormLight::new(&body, Vec3::ONE, 1.0, 0, &mut Areas::new([&body].into_iter())).expect("it shines")
     }
 
     #[test]

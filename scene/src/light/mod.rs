@@ -4,6 +4,7 @@
 //! at infinity keep to their flux. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has a density that
 //! [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
 
+mod areas;
 mod choice;
 mod environment;
 mod form;
@@ -19,6 +20,7 @@ use glam::{Vec2, Vec3, Vec3A};
 
 use crate::bounds::narrow;
 use crate::{Aabb, Environment, PunctualLight, Ray, Surface};
+pub(crate) use areas::Areas;
 use choice::Choice;
 use environment::EnvironmentLight;
 pub(crate) use form::FormLight;
