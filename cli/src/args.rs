@@ -56,8 +56,9 @@ pub(crate) fn stops(text: &str) -> Result<f32, String> {
 /// A vertical angle of view in degrees.
 pub(crate) fn angle(text: &str) -> Result<f32, String> {
     match finite(text) {
-        Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
-        _ => Err("it must lie between 0 and 180 degrees".to_owned()),
+        // As in scene files.
+        Ok(degrees) if (0.01..=179.0).contains(&degrees) => Ok(degrees),
+        _ => Err("it must lie between 0.01 and 179 degrees".to_owned()),
     }
 }
 

@@ -27,8 +27,7 @@ const SRGB: Chromaticities = Chromaticities {
 };
 
 /// A term of the picture, see [`Film`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Term {
     /// Light seen directly.
     Emitted,

@@ -37,6 +37,29 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Checks that no file is written twice, and that none of those that are read is replaced.
+pub(crate) fn check_apart(written: &[&Path], read: &[&Path]) -> Result<(), Failure> {
+    // A device may be written any number of times.
+    let place = |path: &Path| {
+        let target = resolve(path);
+        let target = fs::canonicalize(&target).or_else(|_| {
+            Ok::<_, io::Error>(fs::canonicalize(folder_of(&target))?.join(target.file_name().unwrap_or_default()))
+        });
+        target.ok().filter(|target| !target.exists() || target.is_file())
+    };
+    for (number, path) in written.iter().enumerate() {
+        let Some(here) = place(path) else { continue };
+        let is_here = |other: &&Path| place(other).is_some_and(|other| other == here);
+        if read.iter().any(is_here) {
+            return Err(Failure::Input(format!("{}: would replace what is read; choose another name", path.display())));
+        }
+        if written[..number].iter().any(is_here) {
+            return Err(Failure::Input(format!("{}: would be written twice; choose another name", path.display())));
+        }
+    }
+    Ok(())
+}
+
 /// What a file's content can be written to.
 pub(crate) trait Sink: Write + Seek {}
 
@@ -183,6 +206,22 @@ mod tests {
         let failure = write_all(&[(&good, b"new".to_vec()), (&bad, b"new".to_vec())]).unwrap_err();
         assert!(matches!(&failure, Failure::Run(line) if line.contains("b.exr")), "{failure:?} names the file");
         assert_eq!(names(folder.path()), [""; 0], "neither the good one nor a part of it");
+    }
+
+    #[test]
+    fn files_that_are_read_or_written_already_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let [scene, out] = ["scene.toml", "out.exr"].map(|name| folder.path().join(name));
+        fs::write(&scene, "").unwrap();
+        let roundabout = folder.path().join(".").join("out.exr");
+        assert!(check_apart(&[&out], &[&scene]).is_ok(), "apart");
+        for (written, read) in [(vec![&*scene], vec![&*scene]), (vec![&*out, &*roundabout], vec![])] {
+            assert!(matches!(check_apart(&written, &read), Err(Failure::Input(_))), "{written:?}, {read:?}");
+        }
+        if cfg!(unix) {
+            let null = Path::new("/dev/null");
+            assert!(check_apart(&[null, null], &[]).is_ok(), "nothing is lost there");
+        }
     }
 
     #[test]

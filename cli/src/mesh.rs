@@ -36,6 +36,7 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::Input(format!("{}: its suffix must be .obj", args.out.display())));
     }
     files::check_writable(&args.out)?;
+    files::check_apart(&[&args.out], &[&args.scene])?;
     let loaded = scene::load(&args.scene, &LoadOptions::default()).map_err(Failure::input)?;
     for warning in &loaded.warnings {
         note(&format!("warning: {warning}"));

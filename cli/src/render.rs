@@ -70,9 +70,12 @@ impl RenderArgs {
             given => given.to_vec(),
         };
         let stats = self.stats.as_deref().filter(|path| *path != Path::new("-"));
-        for path in outputs.iter().map(|output| output.path.as_path()).chain(stats) {
+        let written: Vec<&Path> = outputs.iter().map(|output| output.path.as_path()).chain(stats).collect();
+        for path in &written {
             files::check_writable(path)?;
         }
+        let read: Vec<&Path> = self.scene.as_deref().into_iter().chain(self.view.env()).collect();
+        files::check_apart(&written, &read)?;
         Ok(outputs)
     }
 
@@ -192,5 +195,6 @@ fn automatic_exposure(size: UVec2, picture: &[Vec3]) -> f32 {
         Image::new(size, picture).and_then(|picture| metrics::exposure(&picture)).map_or(1.0, |e| e * 0.5 / 0.8);
     #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
     let stops = (4.0 * factor.log2()).round() as f32 / 4.0;
-    stops.clamp(-32.0, 32.0)
+    // Without the sign that a 0 may have.
+    stops.clamp(-32.0, 32.0) + 0.0
 }

@@ -20,7 +20,7 @@ pub(crate) struct ViewArgs {
     /// How to render: the cache of reprojected radiance, the same without a cache, an irradiance cache, or the reference path tracer
     #[arg(long, value_parser = args::method())]
     method: Option<Method>,
-    /// Speed against accuracy: twice the quality takes about twice the time [default: the scene's, or 1]
+    /// Speed against accuracy: four times the quality takes about three times the time, by path four times [default: the scene's, or 1]
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     quality: Option<f32>,
     /// Samples a pixel, instead of what the quality gives
@@ -62,6 +62,11 @@ pub(crate) struct ViewArgs {
 }
 
 impl ViewArgs {
+    /// The picture of the surroundings, if one is named.
+    pub(crate) fn env(&self) -> Option<&Path> {
+        self.env.as_deref()
+    }
+
     /// Checks what can be checked before anything is loaded.
     pub(crate) fn check(&self) -> Result<(), Failure> {
         self.settings(&FileSettings::default()).validate().map_err(|error| Failure::Input(format!("--{error}")))?;

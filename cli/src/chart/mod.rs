@@ -121,19 +121,23 @@ impl ChartArgs {
         Ok(qualities)
     }
 
-    /// Renders all scenes. The CSV is written after each picture, so that what was measured is kept whatever happens.
-    fn measure(&self, qualities: &[f32], records: &mut Vec<Record>) -> Result<(), Failure> {
-        let mut names = Vec::new();
+    /// Loads all scenes, so that what is wrong with one is told before another is rendered.
+    fn load(&self) -> Result<Vec<(&Path, Subject)>, Failure> {
+        let mut loaded: Vec<(&Path, Subject)> = Vec::new();
         for path in &self.scenes {
             let name = scene_name(path);
-            if names.contains(&name) {
-                return Err(Failure::Input(format!(
-                    "{}: a second scene of the name {name}; rename it",
-                    path.display()
-                )));
+            if loaded.iter().any(|(_, other)| other.name == name) {
+                let path = path.display();
+                return Err(Failure::Input(format!("{path}: a second scene of the name {name}; rename it")));
             }
-            names.push(name.clone());
-            let subject = Subject::load(path, name)?;
+            loaded.push((path, Subject::load(path, name)?));
+        }
+        Ok(loaded)
+    }
+
+    /// Renders all scenes. The CSV is written after each picture, so that what was measured is kept whatever happens.
+    fn measure(&self, qualities: &[f32], records: &mut Vec<Record>) -> Result<(), Failure> {
+        for (path, subject) in self.load()? {
             let size = self.size.or(subject.size).unwrap_or(DEFAULT_SIZE);
             let (reference, reference_path) = self.reference(path, &subject, size)?;
             let sweep = Sweep {
@@ -196,11 +200,11 @@ impl ChartArgs {
             markdown.push_str(&table::section(scene, &picture, &facts, &lines));
             markdown.push('\n');
         }
-        print(&markdown)?;
-        written.push((self.out.join(MARKDOWN), markdown.into_bytes()));
+        written.push((self.out.join(MARKDOWN), markdown.clone().into_bytes()));
         let written: Vec<(&Path, Vec<u8>)> =
             written.iter_mut().map(|(path, bytes)| (path.as_path(), std::mem::take(bytes))).collect();
-        files::write_all(&written)
+        files::write_all(&written)?;
+        print(&markdown)
     }
 }
 

@@ -94,7 +94,9 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Record>, Failure> {
     let records = records.map_err(|error| refuse(error.to_string()))?;
     for (number, record) in records.iter().enumerate() {
         let known = [record.seconds, record.relmse, record.robust, record.quality];
-        if record.seconds <= 0.0 || known.iter().any(|number| !number.is_finite() || *number < 0.0) {
+        // No axis with a logarithm has a place for 0, nor has any rendering such a time or such an error.
+        let has_place = known[..3].iter().all(|number| *number > 0.0) && record.quality >= 0.0;
+        if !has_place || known.iter().any(|number| !number.is_finite()) {
             return Err(refuse(format!("row {} has numbers that no rendering has", number + 1)));
         }
     }
@@ -127,7 +129,11 @@ mod tests {
         let read_back = read(&path).unwrap();
         assert_eq!((read_back[0].method.as_str(), read_back[0].flip), ("mitsuba", None), "by name");
 
-        for bad in ["method,scene\na,b\n", "scene,method,quality,seconds,relmse,robust\na,b,1,-1,1,1\n"] {
+        for bad in [
+            "method,scene\na,b\n",
+            "scene,method,quality,seconds,relmse,robust\na,b,1,-1,1,1\n",
+            "scene,method,quality,seconds,relmse,robust\na,b,1,1,0,1\n",
+        ] {
             std::fs::write(&path, bad).unwrap();
             assert!(matches!(read(&path), Err(Failure::Input(line)) if line.contains("a.csv")), "{bad}");
         }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{Image, MetricsError, finite_pairs, same_size};
 
-/// The result of [`ratio_of_means`]. A ratio is NaN where both means are 0 and infinite where the reference's alone is.
+/// The result of [`ratio_of_means`]. A ratio is 1 where both means are 0 and infinite where the reference's alone is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RatioOfMeans {
     /// Mean over pixels and channels of the picture over that of the reference.
@@ -33,11 +33,16 @@ pub fn ratio_of_means(image: &Image, reference: &Image) -> Result<RatioOfMeans, 
         return Err(MetricsError::NothingFinite);
     }
     Ok(RatioOfMeans {
-        overall: i_sum.element_sum() / r_sum.element_sum(),
-        channels: (i_sum / r_sum).to_array(),
+        overall: ratio(i_sum.element_sum(), r_sum.element_sum()),
+        channels: [0, 1, 2].map(|channel| ratio(i_sum[channel], r_sum[channel])),
         image: (i_sum / count as f64).to_array(),
         reference: (r_sum / count as f64).to_array(),
     })
+}
+
+/// Nothing is as much as nothing.
+fn ratio(image: f64, reference: f64) -> f64 {
+    if image == reference { 1.0 } else { image / reference }
 }
 
 #[cfg(test)]
@@ -64,6 +69,6 @@ mod tests {
     fn a_black_reference_gives_no_number() {
         let black = [Vec3::ZERO];
         let black = Image::new(UVec2::ONE, &black).unwrap();
-        assert!(ratio_of_means(&black, &black).unwrap().overall.is_nan(), "nothing over nothing");
+        assert_eq!(ratio_of_means(&black, &black).unwrap().overall, 1.0, "nothing over nothing");
     }
 }
