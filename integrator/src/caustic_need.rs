@@ -86,7 +86,7 @@ impl CausticNeed {
         };
         let seen: Vec<(f64, f64)> = self.views.par_iter().map(seen).collect();
         let floor_sq = metrics::floor_sq(seen.iter().map(|(radiance, _)| *radiance).collect());
-        let relative = |(radiance, square): &(f64, f64)| square / (radiance.powi(2) + floor_sq).max(f64::MIN_POSITIVE);
+        let relative = |(radiance, square): &(f64, f64)| square / (radiance.powi(2) + floor_sq);
         #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
         let mean = (seen.iter().map(relative).sum::<f64>() / seen.len() as f64) as f32;
         mean

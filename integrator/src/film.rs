@@ -95,26 +95,26 @@ pub struct PixelSum {
 }
 
 impl PixelSum {
-    /// Adds a sample's light, with a weight.
-    pub fn add_terms(&mut self, terms: &Terms, weight: f64) {
+    /// Adds a sample's light.
+    pub fn add_terms(&mut self, terms: &Terms) {
         let values = [terms.emitted, terms.direct, terms.specular, terms.caustic, terms.indirect];
         for (sum, value) in self.terms.iter_mut().zip(values) {
-            *sum += value.as_dvec3() * weight;
+            *sum += value.as_dvec3();
         }
     }
 
-    /// Adds the surface that a sample met, with a weight.
-    pub fn add_hit(&mut self, hit: &FirstHit, weight: f64) {
-        self.albedo += hit.albedo.as_dvec3() * weight;
-        self.normal += hit.normal.as_dvec3() * weight;
-        self.depth += f64::from(hit.depth) * weight;
-        self.hits += weight;
+    /// Adds the surface that a sample met.
+    pub fn add_hit(&mut self, hit: &FirstHit) {
+        self.albedo += hit.albedo.as_dvec3();
+        self.normal += hit.normal.as_dvec3();
+        self.depth += f64::from(hit.depth);
+        self.hits += 1.0;
     }
 
-    /// Returns the mean over samples whose weights sum to `total_weight`, those that met nothing included.
+    /// Returns the mean over so many samples, those that met nothing included.
     #[must_use]
-    pub fn mean(&self, total_weight: f64) -> Pixel {
-        let scale = 1.0 / total_weight;
+    pub fn mean(&self, samples: u32) -> Pixel {
+        let scale = 1.0 / f64::from(samples);
         let [emitted, direct, specular, caustic, indirect] = self.terms.map(|sum| (sum * scale).as_vec3());
         #[expect(clippy::cast_possible_truncation, reason = "the film is f32")]
         let single = |x: f64| x as f32;
@@ -337,8 +337,8 @@ mod tests {
                 assert_eq!(band.film_index(index), (position.y * 3 + position.x) as usize, "row by row");
                 let value = position.as_vec2().extend(1.0);
                 let mut sum = PixelSum::default();
-                sum.add_terms(&Terms { caustic: value, ..Terms::default() }, 1.0);
-                band.set(index, &sum.mean(1.0));
+                sum.add_terms(&Terms { caustic: value, ..Terms::default() });
+                band.set(index, &sum.mean(1));
             }
         }
         let expected: Vec<_> = (0..15).map(|i| Vec3::new((i % 3) as f32, (i / 3) as f32, 1.0)).collect();
@@ -366,11 +366,11 @@ mod tests {
     fn means_count_what_was_missed() {
         let mut sum = PixelSum::default();
         let direct = Vec3::new(1.0, 2.0, 3.0);
-        sum.add_terms(&Terms { direct, ..Terms::default() }, 1.0);
-        sum.add_hit(&FirstHit { albedo: Vec3::splat(0.5), normal: Vec3A::Z, depth: 7.0 }, 1.0);
-        let pixel = sum.mean(4.0);
+        sum.add_terms(&Terms { direct, ..Terms::default() });
+        sum.add_hit(&FirstHit { albedo: Vec3::splat(0.5), normal: Vec3A::Z, depth: 7.0 });
+        let pixel = sum.mean(4);
         assert_eq!(pixel.terms.direct, direct / 4.0, "three samples saw nothing");
         assert_eq!((pixel.depth, pixel.alpha), (7.0, 0.25), "depth is that of the part that is there");
-        assert_eq!(PixelSum::default().mean(4.0).depth, f32::INFINITY, "a miss");
+        assert_eq!(PixelSum::default().mean(4).depth, f32::INFINITY, "a miss");
     }
 }

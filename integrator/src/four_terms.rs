@@ -15,7 +15,7 @@ use crate::sampler::hash_pair;
 use crate::secondary::Secondary;
 use crate::sky::SkySplit;
 use crate::statistics::{Progress, RayCounts, Statistics};
-use crate::surface_points::{PixelPoints, Primary};
+use crate::surface_points::{PixelPoints, Primary, SurfacePoint};
 use crate::terms::indirect::{Counts, Incident, IndirectTerm};
 use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
@@ -61,15 +61,18 @@ pub(crate) fn render<S: Secondary>(
             witness.enter(&band, settings.size.x);
         }
         progress(Progress { phase: "direct", done });
-        let pixels = statistics.time("direct", |_| trace_primary(&primary, &band, whole.as_ref()));
+        let mut pixels = statistics.time("direct", |_| trace_primary(&primary, &band, whole.as_ref()));
         for pixel in &pixels {
             samples += u64::from(pixel.samples);
             statistics.rays += pixel.rays;
             statistics.surface_points += pixel.points.len() as u64;
         }
         progress(Progress { phase: "indirect", done });
-        let lattice =
-            Lattice::new(settings.size.x as usize, band.pixel_count() / settings.size.x as usize, all_points(&pixels));
+        let lattice = Lattice::new(
+            settings.size.x as usize,
+            band.pixel_count() / settings.size.x as usize,
+            take_points(&mut pixels),
+        );
         let values = statistics.time("indirect", |_| match settings.method {
             Method::Gather => indirect.gather_all(lattice.points(), &mut counts),
             Method::CacheOnly => {
@@ -202,8 +205,9 @@ fn ambient<S: Secondary>(pixels: &[PixelPoints], secondary: &S) -> f32 {
     sum / count.max(1.0) * std::f32::consts::FRAC_1_PI
 }
 
-fn all_points(pixels: &[PixelPoints]) -> Vec<crate::surface_points::SurfacePoint> {
-    pixels.iter().flat_map(|pixel| pixel.points.iter().copied()).collect()
+/// Takes the points out of their pixels, so that they are not held twice.
+fn take_points(pixels: &mut [PixelPoints]) -> Vec<SurfacePoint> {
+    pixels.iter_mut().flat_map(|pixel| std::mem::take(&mut pixel.points)).collect()
 }
 
 /// Adds what the cache knows of each surface point, and its caustic, to the light of its pixel.
@@ -245,12 +249,12 @@ fn develop<S: Secondary>(
             // The weights of points are sums over their samples, as the light of samples is.
             for terms in &terms[lattice.of_pixel(index)] {
                 if terms.is_finite() {
-                    pixel.sum.add_terms(terms, 1.0);
+                    pixel.sum.add_terms(terms);
                 } else {
                     dropped += 1;
                 }
             }
-            (pixel.sum.mean(f64::from(pixel.samples)), dropped)
+            (pixel.sum.mean(pixel.samples), dropped)
         })
         .collect();
     for (index, (pixel, dropped)) in developed.iter().enumerate() {

@@ -321,12 +321,12 @@ impl PathTracer<'_> {
                 let mut sampler = Sampler::new(settings.seed, band.film_index(index) as u64, number);
                 let ray = self.scene.camera_ray(corner + sampler.next_pair(), settings.size);
                 let sample = self.trace(&ray, &mut sampler);
-                sum.add_terms(&sample.terms, 1.0);
+                sum.add_terms(&sample.terms);
                 if let Some(hit) = &sample.first_hit {
-                    sum.add_hit(hit, 1.0);
+                    sum.add_hit(hit);
                 }
             }
-            band.set(index, &sum.mean(f64::from(spp)));
+            band.set(index, &sum.mean(spp));
         }
     }
 }

@@ -76,8 +76,6 @@ pub(crate) struct Plan {
     pub(crate) learners: u32,
     /// The same by which is learnt which lights reach what the picture shows; 0 where there is one at most.
     pub(crate) light_learners: u32,
-    /// Samples of a glossy lobe that are looked up in a texture.
-    pub(crate) lobe_samples: u32,
 }
 
 /// What decides how many photons a caustic map gets.
@@ -228,7 +226,6 @@ impl Plan {
             lobe_parallax: 0.75 * quality.max(1.0).sqrt().recip(),
             learners: if features.glossy && study.lobe_guide != Some(false) { learners } else { 0 },
             light_learners: if light_count > 1 && study.light_guide != Some(false) { learners } else { 0 },
-            lobe_samples: 128,
         }
     }
 
@@ -303,13 +300,13 @@ fn noise(quality: f32) -> f32 {
 const NOISE: f32 = 6e-4;
 /// The same of shared lobes, as a share of that of primary samples, which are better stratified.
 const LOBE_NOISE: f32 = 0.06;
+/// The same of caustics.
+const CAUSTIC_NOISE: f32 = 0.1;
 /// Photons of the global map at quality 1.
 const GLOBAL_PHOTONS: f32 = 400_000.0;
 /// Photons of the caustic map at quality 1, and those in the disc of each, where no more are needed.
 const CAUSTIC_PHOTONS: f32 = 200_000.0;
 const NEIGHBOURS: f32 = 60.0;
-/// The same of caustics, as a share of that of primary samples.
-const CAUSTIC_NOISE: f32 = 0.1;
 /// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else. And most altogether: a million takes 140 MB while discs are made.
 const PIXEL_PHOTONS: f32 = 32.0;
 const MOST_PHOTONS: f32 = 4e6;

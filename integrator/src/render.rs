@@ -25,7 +25,8 @@ pub struct Rendering {
 /// Makes a picture of `scene` on all threads of the current rayon pool. The result depends on the scene and the settings alone, never on
 /// the number of threads.
 ///
-/// `progress` is called from several threads, a few hundred times a phase; calls may overtake each other by a step.
+/// `progress` is called at the start and the end of phases and with each band of the picture, by the path tracer with each row, from any thread; calls may overtake
+/// each other by a step.
 ///
 /// # Errors
 ///
@@ -175,6 +176,6 @@ fn refine(
     statistics.memory.photons = maps.memory_bytes();
 }
 
-/// Keeps the random numbers of photons apart from those of everything else.
+/// Keep the random numbers of cells and of photons apart from those of everything else.
 const CELL_STREAM: u64 = 0x6365_6c6c;
 const PHOTON_STREAM: u64 = 0x7068_6f74_6f6e;

@@ -12,13 +12,13 @@ pub struct RayCounts {
     pub camera: u64,
     /// To a light, to see whether something is in the way.
     pub shadow: u64,
-    /// Followed from a surface by the path tracer, or through mirrors and glass by the specular term.
+    /// Followed from a surface: by the path tracer, through mirrors and glass, through glossy lobes, and to link cells.
     pub path: u64,
     /// From a gathered point into its hemisphere.
     pub gather: u64,
-    /// Through the holes of a reprojected texture.
+    /// Through the holes of a reprojected texture, to verify a record, and to see what stands above a point.
     pub hole: u64,
-    /// From a light, for the photon maps, and the short ones that test the area of an estimate.
+    /// From a light, for the photon maps. The short ones that test how much of a disc is surface are not counted.
     pub photon: u64,
 }
 

@@ -216,7 +216,7 @@ impl<S: Secondary> Primary<'_, S> {
                 self.step(branch, position, pixel, key, &mut sampler, &mut stack, &mut sample, found);
             }
             if sample.terms.is_finite() {
-                found.sum.add_terms(&sample.terms, 1.0);
+                found.sum.add_terms(&sample.terms);
                 found.noise.add(sample.terms.sum(), sample.diffuse, sample.variance);
             } else {
                 found.dropped += 1;
@@ -249,7 +249,7 @@ impl<S: Secondary> Primary<'_, S> {
         let bsdf = &shading.bsdf;
         if bounces == 0 {
             let hit = FirstHit { albedo: guide_albedo(bsdf), normal: surface.n, depth: surface.t };
-            found.sum.add_hit(&hit, 1.0);
+            found.sum.add_hit(&hit);
         }
         add_emission(terms, bounces, beta * self.scene.emission(&surface));
         if bsdf.has_diffuse() || bsdf.has_glossy() {

@@ -117,6 +117,7 @@ mod tests {
             quality: 0.3,
             seconds: 1.25,
             relmse: 1e-3,
+            robust: 8e-4,
             flip: Some(0.03),
             phases: "a=1;b=2".into(),
             ..Record::default()

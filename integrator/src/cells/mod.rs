@@ -118,7 +118,7 @@ impl CellBuilder<'_> {
                 let film = in_cell(number, PROBE_SIDE, sampler.next_pair()) * size.as_vec2();
                 let ray = self.scene.camera_ray(film, size);
                 rays.camera += 1;
-                if let Some((seen, _)) = self.to_diffuse(ray, Vec3::ONE, &mut sampler, &mut rays) {
+                if let Some(seen) = self.to_diffuse(ray, &mut sampler, &mut rays) {
                     for way in 0..self.probe_rays {
                         let mut sampler = Sampler::new(self.seed, hash(u64::from(number)), way);
                         self.probe_path(seen, &mut sampler, &mut found, &mut rays);
@@ -142,23 +142,22 @@ impl CellBuilder<'_> {
             sampler.start_bounce(bounce + 1);
             let Some(ray) = at.cosine_ray(sampler.next_pair()) else { return };
             rays.path += 1;
-            let Some((next, _)) = self.to_diffuse(ray, Vec3::ONE, sampler, rays) else { return };
+            let Some(next) = self.to_diffuse(ray, sampler, rays) else { return };
             found.push((next, bounce == 0));
             at = next;
         }
     }
 
-    /// Follows a ray through mirrors, glass and gloss to the first surface with a diffuse part; with the throughput.
-    fn to_diffuse(&self, ray: Ray, beta: Vec3, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<(Shading, Vec3)> {
-        let mut ray = ray;
-        let mut beta = beta;
+    /// Follows a ray through mirrors, glass and gloss to the first surface with a diffuse part, as long as some light comes along.
+    fn to_diffuse(&self, mut ray: Ray, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<Shading> {
+        let mut beta = Vec3::ONE;
         for _ in 0..MAX_WALK {
             let hit = self.scene.intersect(&ray)?;
             let surface = self.scene.surface(&ray, &hit);
             beta *= self.scene.transmittance(&surface);
             let shading = Shading::new(self.scene, surface, ray.direction);
             if shading.bsdf.has_diffuse() {
-                return Some((shading, beta));
+                return Some(shading);
             }
             let u = sampler.next_4d();
             let sample = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2]))?;

@@ -54,7 +54,8 @@ impl Recorder {
     fn rules(&self, footprint: f32, error: f32) -> RecordRules {
         let plan = &self.plan;
         let width = footprint * plan.side;
-        let min_radius = MIN_PIXELS * footprint;
+        // A camera whose pixels are points still needs records that reach themselves.
+        let min_radius = (MIN_PIXELS * footprint).max(f32::MIN_POSITIVE);
         RecordRules {
             total_error: error * width * width,
             min_radius,

@@ -1,7 +1,7 @@
 //! How far a picture is from its reference: relMSE, LDR-FLIP, the ratio of means, and a picture of the difference.
 //!
 //! Every measure takes two [`Image`]s of linear RGB of the same size. Pixels with a value that is not finite in either
-//! of them are left out of sums and counted, see [`count_not_finite`]; they are never hidden in a mean.
+//! of them are left out of sums and counted, see [`RelMse::not_finite`]; they are never hidden in a mean.
 
 mod difference;
 mod flip;
@@ -84,15 +84,6 @@ pub enum MetricsError {
     NotPositive(&'static str),
 }
 
-/// Number of pixels with a value that is not finite, in either picture.
-///
-/// # Errors
-/// When the sizes differ.
-pub fn count_not_finite(image: &Image, reference: &Image) -> Result<usize, MetricsError> {
-    same_size(image, reference)?;
-    Ok(image.pixels.len() - finite_pairs(image, reference).count())
-}
-
 fn same_size(image: &Image, reference: &Image) -> Result<(), MetricsError> {
     if image.size == reference.size {
         Ok(())
@@ -131,7 +122,6 @@ mod tests {
         assert_eq!(ratio_of_means(&a, &b).unwrap_err(), error, "ratio of means");
         assert_eq!(ldr_flip(&a, &b, 1.0, DEFAULT_PIXELS_PER_DEGREE).unwrap_err(), error, "FLIP");
         assert_eq!(signed_difference(&a, &b).unwrap_err(), error, "difference");
-        assert_eq!(count_not_finite(&a, &b).unwrap_err(), error, "count");
     }
 
     #[test]
@@ -139,7 +129,7 @@ mod tests {
         let a = [Vec3::ONE, Vec3::new(f32::NAN, 0.0, 0.0), Vec3::ONE, Vec3::new(f32::INFINITY, f32::NAN, 1.0)];
         let b = [Vec3::ONE, Vec3::NAN, Vec3::NEG_INFINITY, Vec3::ONE];
         let size = UVec2::new(2, 2);
-        let count = count_not_finite(&Image::new(size, &a).unwrap(), &Image::new(size, &b).unwrap()).unwrap();
-        assert_eq!(count, 3, "all but the first");
+        let error = rel_mse(&Image::new(size, &a).unwrap(), &Image::new(size, &b).unwrap()).unwrap();
+        assert_eq!(error.not_finite, 3, "all but the first");
     }
 }

@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_black_reference_gives_no_number() {
+    fn black_is_as_much_as_black() {
         let black = [Vec3::ZERO];
         let black = Image::new(UVec2::ONE, &black).unwrap();
         assert_eq!(ratio_of_means(&black, &black).unwrap().overall, 1.0, "nothing over nothing");

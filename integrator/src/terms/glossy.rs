@@ -14,11 +14,11 @@ pub(crate) fn needs_texture(shading: &Shading, plan: &Plan) -> bool {
 }
 
 /// The glossy lobe of a point as weights over the texels of a texture in `frame`, n x n: each is the sum of f cos / pdf over those
-/// of `count` samples that fall into the texel, divided by `count`. With the texture they sum to the reflected radiance.
-pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, count: u32, key: u64, weights: &mut Vec<Vec3>) {
+/// of [`SAMPLES`] that fall into the texel, divided by their number. With the texture they sum to the reflected radiance.
+pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, key: u64, weights: &mut Vec<Vec3>) {
     weights.clear();
     weights.resize(n * n, Vec3::ZERO);
-    for number in 0..count {
+    for number in 0..SAMPLES {
         let u = Sampler::new(LOBE_STREAM, key, number).next_4d();
         let sample = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2]));
         let Some(sample) = sample.filter(|sample| !sample.delta && sample.wi.z > 0.0) else { continue };
@@ -28,9 +28,11 @@ pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, count: u3
         }
         let place = hemimap::cosine_hemisphere_to_square(frame.to_local(wi)) * n as f32;
         let cell = place.as_uvec2().min(UVec2::splat(u32::try_from(n - 1).expect("n <= 64")));
-        weights[cell.y as usize * n + cell.x as usize] += sample.weight / count as f32;
+        weights[cell.y as usize * n + cell.x as usize] += sample.weight / SAMPLES as f32;
     }
 }
 
+/// Samples of a lobe.
+const SAMPLES: u32 = 128;
 /// Keeps these random numbers apart from the others of a point.
 const LOBE_STREAM: u64 = 0x6c6f_6265;

@@ -381,7 +381,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     }
 
     fn weigh(&self, point: &SurfacePoint, frame: &Frame, n: usize, weights: &mut Vec<Vec3>) {
-        lobe_weights(&point.shading, frame, n, self.plan.lobe_samples, self.seed(point), weights);
+        lobe_weights(&point.shading, frame, n, self.seed(point), weights);
     }
 }
 

@@ -58,9 +58,9 @@ fn path_has_no_bias() {
 
 #[test]
 fn caches_reach_their_error() {
-    // Robust relMSE at most 3e-3 with default settings, the reference's own subtracted, and the mean within 1 %.
-    let names: &[&str] = if is_full() { &["cornell", "cornell-glossy", "atrium-env"] } else { &["cornell"] };
-    for name in names {
+    // Robust relMSE with default settings, the reference's own subtracted, at most three times what it is, plain at most twice robust, and the mean within 1 %.
+    let limits = [("cornell", 1.8e-4), ("cornell-glossy", 5.5e-4), ("atrium-env", 2.2e-3)];
+    for &(name, limit) in if is_full() { &limits[..] } else { &limits[..1] } {
         let study = Study::open(name);
         for method in [Method::Reproject, Method::CacheOnly] {
             let settings = Settings { method, size: STUDY_SIZE, ..Settings::default() };
@@ -72,9 +72,7 @@ fn caches_reach_their_error() {
             let what =
                 format!("{name}, {}: robust relMSE {robust:.2e}, plain {plain:.2e}, ratio {ratio:.4}", method.name());
             print(&what);
-            // What `cache-only` gathers for gloss at every point has the noise of `gather`.
-            let limit = if method == Method::CacheOnly && *name == "cornell-glossy" { 1e-2 } else { 3e-3 };
-            assert!(robust < limit && (ratio - 1.0).abs() < 0.01, "{what}");
+            assert!(robust < limit && plain < 2.0 * robust && (ratio - 1.0).abs() < 0.01, "{what}");
         }
     }
 }

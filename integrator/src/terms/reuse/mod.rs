@@ -100,7 +100,7 @@ pub(crate) fn share_lobes<S: Secondary>(
         for (pixel, terms) in found {
             let pixel = &mut pixels[pixel];
             if terms.is_finite() {
-                pixel.sum.add_terms(&terms, 1.0);
+                pixel.sum.add_terms(&terms);
             } else {
                 pixel.dropped += 1;
             }
