@@ -36,8 +36,8 @@ const PASSES: u32 = 4;
 /// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough; and at least that part of it.
 const GROWTH: f32 = 4.0;
 const MAX_ROUNDS: u32 = 12;
-/// Where the bias alone is too large, and is still more than this share of what it was, in so many rounds one after the other, more of them are in vain: it is light that
-/// paths or caches do not see at all, such as that of a point lamp behind glass.
+/// Where the bias alone is too large, and passes of [`GROWTH`] times the quality leave more than this share of it, in so many rounds one after the other, more of them are in
+/// vain: it is light that paths or caches do not see at all, such as that of a point lamp behind glass.
 const STALLED: f32 = 0.8;
 const MAX_STALLED: u32 = 2;
 
@@ -139,7 +139,8 @@ pub fn render_to_error(
             return Ok((Rendering { film: passes.film, statistics }, estimate));
         }
         let excess = estimate.excess(error);
-        let missing = passes.weight * (excess * excess - 1.0) / PASSES as f32;
+        // What bias is left only better passes take away.
+        let missing = if is_hopeless { f32::INFINITY } else { passes.weight * (excess * excess - 1.0) / PASSES as f32 };
         quality = missing.clamp(quality / GROWTH, GROWTH * quality).clamp(least, most);
     }
 }

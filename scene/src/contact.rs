@@ -35,7 +35,7 @@ impl Scene {
             let opaque = self.surface(ray, &next);
             let gap = (opaque.p - glass.p).dot(opaque.ng).abs();
             let is_one_place = gap <= opaque.p_error + glass.p_error && next.primitive != ray.from;
-            return if is_one_place { next } else { hit };
+            return if is_one_place { Hit { media: hit.media, ..next } } else { hit };
         }
         hit
     }
@@ -49,7 +49,7 @@ mod tests {
 
     #[test]
     fn rays_within_glass_meet_what_it_stands_on() {
-        let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::ZERO, priority: 0 };
+        let glass = SpecularKind::Dielectric { ior: 1.5, tint: Vec3::ONE, absorption: Vec3::splat(0.7), priority: 0 };
         let square = |half: f32, turn: f32, y: f32| {
             let corner = |(x, z): (f32, f32)| {
                 let (sin, cos) = turn.sin_cos();
@@ -68,21 +68,24 @@ mod tests {
         for y in [0.0, 0.7, 103.3] {
             let floor = mesh(square(300.0, 0.0, y), up.clone(), 0);
             let base = mesh(square(0.4, 0.52, y), down.clone(), 1);
+            let lid = mesh(square(0.4, 0.52, y + 0.5), up.clone(), 1);
             let materials =
                 vec![Material::default(), Material { diffuse: Vec3::ZERO, specular: glass, ..Material::default() }];
-            let scene =
-                Scene::new(Description { meshes: vec![base, floor], materials, ..Description::default() }).unwrap();
+            let scene = Scene::new(Description { meshes: vec![base, floor, lid], materials, ..Description::default() })
+                .unwrap();
             for number in 0..800u16 {
-                let origin = Vec3A::new(0.03, y + if number % 2 == 0 { 0.5 } else { 0.003 }, -0.02);
+                let origin = Vec3A::new(0.03, y + if number % 2 == 0 { 0.4 } else { 0.003 }, -0.02);
                 let (sin, cos) = (0.37 * f32::from(number)).sin_cos();
                 let slope = f32::from(number) / 2400.0;
                 let direction = Vec3A::new(slope * cos, -1.0, slope * sin).normalize();
                 let hit = scene.intersect(&Ray::new(origin, direction)).expect("the floor");
                 assert!(!scene.is_glass(&hit), "ray {number} at a height of {y} leaves by the base");
             }
-            // From without, the glass is the first.
-            let from_below = Ray::new(Vec3A::new(0.03, y - 1.0, -0.02), Vec3A::Y);
-            assert!(scene.intersect(&from_below).is_some(), "something is there");
+            let from_above = Ray::new(Vec3A::new(0.03, y + 1.0, -0.02), Vec3A::NEG_Y);
+            let lid = scene.surface(&from_above, &scene.intersect(&from_above).expect("the lid"));
+            let within = lid.spawn(Vec3A::NEG_Y);
+            let left = scene.transmittance(&scene.surface(&within, &scene.intersect(&within).expect("the floor"))).x;
+            assert!((left - (-0.5f32 * 0.7).exp()).abs() < 1e-4, "{left} is left of the way through the glass");
         }
     }
 }

@@ -3,7 +3,8 @@
 //! Of overlapping bodies the one of the highest priority fills the place; the boundaries of weaker ones within it are no boundaries: rays pass them straight and
 //! only remember that they did. So water may reach into the wall of its glass, and the faces are air to glass, glass to water, water to air.
 //!
-//! A ray carries its bodies in four bytes. Scenes in which no body has a priority number none of them: their rays carry zeros and nobody asks for more.
+//! A ray carries its bodies in four bytes. Scenes in which no body has a priority or absorbs number none of them: their rays
+//! carry zeros and nobody asks for more.
 //!
 //! # Source
 //! Schmidt, Budge 2002: Simple Nested Dielectrics in Ray Traced Images. Bodies of equal priority are not in their scheme; here they stay what they are without
@@ -15,7 +16,7 @@ use crate::{Material, SpecularKind};
 
 /// The transparent bodies in which a point lies, by their numbers: 0 is none. Of more than four the weakest is forgotten.
 ///
-/// Rays outside of everything have [`Media::NONE`], and so have all in scenes without priorities.
+/// Rays outside of everything have [`Media::NONE`], and so have all in scenes where no body has a priority or absorbs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Media([u8; LAST + 1]);
 
@@ -85,7 +86,7 @@ pub(crate) struct Medium {
 /// Numbers and properties of the transparent bodies of a scene; empty where none has a priority.
 #[derive(Debug, Default)]
 pub(crate) struct MediumTable {
-    /// Number by material, 0 for what is not transparent; empty without priorities.
+    /// Number by material, 0 for what is not transparent; empty where no body has a priority or absorbs.
     numbers: Vec<u8>,
     /// By number less 1, in the order of their priorities.
     media: Vec<Medium>,
@@ -95,7 +96,8 @@ impl MediumTable {
     /// Most transparent materials that can be numbered.
     pub(crate) const MAX: usize = 255;
 
-    /// Numbers the transparent materials, of which there are at most [`MediumTable::MAX`] where any has a priority.
+    /// Numbers the transparent materials where any has a priority, of which there are at most [`MediumTable::MAX`] then, or where one absorbs: what a ray meets within
+    /// glass has lost light on its way. (More than so many materials without priorities stay without numbers, and only faces that a ray meets from within tell of a way through glass.)
     pub(crate) fn new(materials: &[Material]) -> Self {
         let medium = |material: &Material| match material.specular {
             SpecularKind::Dielectric { ior, absorption, priority, .. } => Some(Medium { ior, absorption, priority }),
@@ -103,7 +105,10 @@ impl MediumTable {
         };
         let mut media: Vec<(usize, Medium)> =
             materials.iter().enumerate().filter_map(|(i, material)| Some((i, medium(material)?))).collect();
-        if media.iter().all(|(_, medium)| medium.priority == 0) {
+        let has_priority = media.iter().any(|(_, medium)| medium.priority != 0);
+        let absorbs = media.iter().any(|(_, medium)| medium.absorption != Vec3::ZERO);
+        let are_numbered = has_priority || (absorbs && media.len() <= Self::MAX);
+        if !are_numbered {
             return Self::default();
         }
         media.sort_by_key(|(_, medium)| medium.priority);
@@ -187,9 +192,16 @@ mod tests {
     }
 
     #[test]
-    fn scenes_without_priorities_number_nothing() {
-        let table = MediumTable::new(&[glass(1.5, 0), Material::default(), glass(1.33, 0)]);
+    fn scenes_of_clear_glass_without_priorities_number_nothing() {
+        let clear = |ior| {
+            let specular = SpecularKind::Dielectric { ior, tint: Vec3::ONE, absorption: Vec3::ZERO, priority: 0 };
+            Material { specular, ..Material::default() }
+        };
+        let table = MediumTable::new(&[clear(1.5), Material::default(), clear(1.33)]);
         assert!(table.is_empty() && table.number(0) == 0 && table.number(2) == 0, "nothing");
+        let table = MediumTable::new(&[glass(1.5, 0), Material::default(), clear(1.33)]);
+        assert_eq!([0, 1, 2].map(|material| table.number(material)), [1, 0, 2], "one absorbs");
+        assert!(MediumTable::new(&vec![glass(1.5, 0); 300]).is_empty(), "too many");
         let table = MediumTable::new(&[glass(1.5, 1), Material::default(), glass(1.33, 0)]);
         assert_eq!([0, 1, 2, 3].map(|material| table.number(material)), [2, 0, 1, 0], "by priority");
     }

@@ -271,8 +271,8 @@ impl Scene {
         if surface.front { self.materials[surface.material as usize].emission } else { Vec3::ZERO }
     }
 
-    /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray met
-    /// an absorbing dielectric from within and, in scenes with priorities, wherever it was in one.
+    /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray was within an absorbing dielectric. (In scenes of more than
+    /// 255 dielectrics without priorities that is known where it ended at a face of one from within.)
     #[inline]
     #[must_use]
     pub fn transmittance(&self, surface: &Surface) -> Vec3 {

@@ -33,7 +33,7 @@ pub struct Surface {
     pub p_error: f32,
     /// The transparent bodies on the side that the ray came from.
     pub media: Media,
-    /// Number of the transparent body that has its boundary here; 0 for none, and in scenes without priorities.
+    /// Number of the transparent body that has its boundary here; 0 for none, and where no body of the scene has a priority or absorbs.
     pub medium: u8,
 }
 
@@ -93,7 +93,7 @@ impl Surface {
     }
 
     #[inline]
-    pub(crate) fn offset(&self, direction: Vec3A) -> Vec3A {
+    fn offset(&self, direction: Vec3A) -> Vec3A {
         offset(self.p, self.ng, self.p_error, direction)
     }
 

@@ -119,9 +119,9 @@ fn overlapping_slabs_are_layers_by_priority() {
         assert_near(shares(&scene(1, 0), ray), glass_wins, "glass over water");
         assert_near(shares(&scene(0, -7), ray), glass_wins, "glass over what is below the default");
         assert_near(shares(&scene(2, 3), ray), water_wins, "water over glass");
-        // Without priorities each face is one to air and the overlap absorbs by whatever face ends it.
+        // Without priorities each face is one to air, and the overlap absorbs as what was entered last.
         let off = |priority| (shares(&scene(priority, priority), ray)[0] - glass_wins[0]).abs();
-        assert!(off(0) > 0.03, "without priorities: {}", off(0));
+        assert!(off(0) > 0.015, "without priorities: {}", off(0));
     }
 }
 

@@ -4,6 +4,7 @@
 
 mod build;
 mod closed_forms;
+mod estimates;
 pub mod graded;
 mod measure;
 mod shapes;
@@ -11,6 +12,7 @@ mod study;
 
 pub use build::{Builder, black, glass, glass_before, gloss, lambert, lamp, mirror};
 pub use closed_forms::{polygon_irradiance, sphere_irradiance};
+pub use estimates::Exceeded;
 pub use measure::{Effort, METHODS, Measured, Pictures, Term, film, measure, print};
 pub use shapes::{cuboid, icosphere};
 pub use study::{Blocks, STUDY_SIZE, Study, data_folder, is_full};

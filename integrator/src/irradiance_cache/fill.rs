@@ -5,7 +5,7 @@
 //! batch of records is made while the index is frozen, and points of one batch lie at least a stride apart, so they seldom serve
 //! each other's place.
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use scene::Surface;
 
@@ -67,6 +67,21 @@ pub(crate) fn fill<S: Secondary>(
             }
         }
     }
+    // A record that covered a point when that was asked may have been limited since, by a neighbour in the same batch.
+    loop {
+        let frozen = &*index;
+        let is_lost = |&number: &usize| {
+            values[number].is_none() && !has_looked[number] && light(&points[number], &places[number], frozen).is_none()
+        };
+        let lost: Vec<usize> = (0..points.len()).into_par_iter().filter(is_lost).collect();
+        if lost.is_empty() {
+            break;
+        }
+        for (number, look) in ask(lost, 1, counts) {
+            has_looked[number] = true;
+            index.extend(look.record);
+        }
+    }
     let index = &*index;
     let is_long = |&number: &usize| values[number].is_none() && is_long(&points[number], &places[number], index);
     let long: Vec<usize> = (0..points.len()).into_par_iter().filter(is_long).collect();
@@ -79,14 +94,9 @@ pub(crate) fn fill<S: Secondary>(
     }
     counts.interpolated +=
         values.iter().zip(&has_looked).filter(|(value, looked)| value.is_none() && !**looked).count() as u64;
-    let own_place = |number: usize| {
-        let surface = &points[number].shading.surface;
-        Place { p: surface.p, n: surface.n, ..places[number] }
-    };
     let rest = |number: usize| {
         values[number].unwrap_or_else(|| {
-            // Where its samples are far apart, a point's own record may not reach their middle.
-            let light = index.interpolate(&places[number]).or_else(|| index.interpolate(&own_place(number)));
+            let light = light(&points[number], &places[number], index);
             let ([near, sky], records) = light.expect("a point that no record reached has become one");
             if !has_looked[number] {
                 term.tell(&points[number], || Step::Interpolated { records });
@@ -95,6 +105,12 @@ pub(crate) fn fill<S: Secondary>(
         })
     };
     (0..points.len()).into_par_iter().map(rest).collect()
+}
+
+/// What records tell of a point in the middle of its samples, or of its own place: where its samples are far apart, its own record may not reach their middle.
+fn light(point: &SurfacePoint, middle: &Place, index: &Index) -> Option<([Vec3; 2], usize)> {
+    let Surface { p, n, .. } = point.shading.surface;
+    index.interpolate(middle).or_else(|| index.interpolate(&Place { p, n, ..*middle }))
 }
 
 /// Whether a point that is seen directly and needs no texture is so long that a record at its middle cannot reach its ends, however evenly it is lit.

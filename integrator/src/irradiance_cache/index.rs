@@ -154,12 +154,14 @@ mod tests {
         fn all_records_that_reach_a_point_have_their_say(
             places in prop::collection::vec((-5.0f32..5.0, -5.0f32..5.0, -0.1f32..0.1, 0.01f32..4.0, 0.0f32..0.4), 1..60),
             queries in prop::collection::vec((-6.0f32..6.0, -6.0f32..6.0, -0.1f32..0.1, 0.0f32..0.4), 1..20),
+            clamps in any::<bool>(),
         ) {
             let records: Vec<Record> = (1u16..).zip(&places)
                 .map(|(number, &(x, y, z, radius, tilt))| record(Vec3A::new(x, y, z), tilt, radius, f32::from(number)))
                 .collect();
-            let mut index = Index::default();
+            let mut index = Index::new(clamps);
             index.extend(records.iter().cloned());
+            let records = index.records.clone();
             for (x, y, z, tilt) in queries {
                 let (p, n) = (Vec3A::new(x, y, z), Vec3A::new(0.0, tilt, 1.0).normalize());
                 let place = Place { p, n, clearance: f32::INFINITY };
@@ -177,6 +179,27 @@ mod tests {
                 prop_assert_eq!(index.covers(&place, 0.5), nearest <= 0.5);
             }
         }
+    }
+
+    #[test]
+    fn neighbours_limit_each_other_whichever_comes_first() {
+        let (small, large) = (record(Vec3A::ZERO, 0.0, 0.2, 1.0), record(Vec3A::X * 0.5, 0.0, 4.0, 1.0));
+        let turned = record(Vec3A::X * 0.5, 1.0, 4.0, 1.0);
+        for order in [[&small, &large], [&large, &small]] {
+            let mut index = Index::new(true);
+            index.extend(order.into_iter().cloned());
+            let reaches = index.records.iter().map(Record::least_reach);
+            let [least, most] = [reaches.clone().fold(4.0, f32::min), reaches.fold(0.0, f32::max)];
+            assert!(least == 0.2 && (most - 0.7).abs() < 1e-6, "{least} and {most}");
+            let place = |x: f32| Place { p: Vec3A::X * x, n: Vec3A::Z, clearance: f32::INFINITY };
+            assert!(index.covers(&place(1.1), 1.0) && !index.covers(&place(1.3), 1.0), "that is where it ends");
+        }
+        let mut index = Index::new(true);
+        index.extend([small.clone(), turned]);
+        assert_eq!(index.records[1].least_reach(), 4.0, "another surface");
+        let mut index = Index::new(false);
+        index.extend([small, large]);
+        assert_eq!(index.records[1].least_reach(), 4.0, "nobody is clamped");
     }
 
     #[test]

@@ -7,9 +7,9 @@
 //! ```
 
 use glam::Vec3;
-use integrator::metrics::{self, Image, ratio_of_means, rel_mse};
+use integrator::metrics::{Image, Reference, ratio_of_means, rel_mse};
 use integrator::{Method, Settings, render, render_to_error};
-use tests::{Blocks, STUDY_SIZE, Study, is_full, print};
+use tests::{Blocks, Exceeded, STUDY_SIZE, Study, is_full, print};
 
 fn pictures(study: &Study, seeds: u64, spp: u32) -> Vec<Vec<Vec3>> {
     (0..seeds)
@@ -108,35 +108,22 @@ fn gloss_seen_in_gloss_keeps_its_light() {
 
 #[test]
 fn stated_error_holds_for_95_percent() {
-    // One pixel of each of 20 x 20 blocks, as neighbours share records: of 400 with a probability of 0.05 each, more than 31 fail in one of 100 cases.
-    const BLOCKS: usize = 20;
     let (names, error): (&[&str], f32) =
         if is_full() { (&["cornell", "cornell-glossy", "atrium-env"], 0.05) } else { (&["cornell"], 0.1) };
     for name in names {
         let study = Study::open(name);
         let settings = Settings { size: STUDY_SIZE, ..Settings::default() };
         let (rendering, estimate) = render_to_error(&study.scene, &settings, error, &|_| ()).expect("valid settings");
-        let exposure = metrics::exposure(&study.image()).expect("a finite picture");
-        let picture = rendering.film.picture();
-        let is_beyond = |pixel: usize| {
-            let grey = |value: Vec3| value.element_sum() / 3.0;
-            let known = grey(study.reference[pixel]);
-            let scale_sq = f64::from(known * known) + 0.01 / (exposure * exposure);
-            // The reference has noise of its own, in all three channels at once.
-            let allowed_sq =
-                f64::from(estimate.relative[pixel]).powi(2) * scale_sq + 4.0 * f64::from(grey(study.variance[pixel]));
-            f64::from(grey(picture[pixel]) - known).powi(2) > allowed_sq
-        };
-        let side = STUDY_SIZE.x as usize;
-        let middle = |block: usize| (2 * block + 1) * side / (2 * BLOCKS);
-        let sampled = (0..BLOCKS * BLOCKS).map(|block| middle(block / BLOCKS) * side + middle(block % BLOCKS));
-        let failed = sampled.filter(|&pixel| is_beyond(pixel)).count();
-        let all = (0..picture.len()).filter(|&pixel| is_beyond(pixel)).count() as f32 / picture.len() as f32;
+        let reference = Reference::new(STUDY_SIZE, study.reference.clone(), Some(study.variance.clone()));
+        let exceeded =
+            Exceeded::new(&rendering.film.picture(), &estimate, &reference.expect("pictures of the stated size"));
+        let (failed, all) = (exceeded.of_400(), exceeded.share());
         let what = format!(
             "{name}, error {error}: {failed} of 400 pixels beyond their estimates, {all:.4} of all; {} passes, bias {:.4}",
             estimate.passes, estimate.bias
         );
         print(&what);
+        // Of 400 with a probability of 0.05 each, more than 31 fail in one of 100 cases.
         assert!(estimate.is_reached && failed <= 31, "{what}");
         // An estimate that is so fearful that nothing ever exceeds it tells nothing.
         assert!(all > 0.001, "{what}");
