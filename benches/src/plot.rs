@@ -23,16 +23,22 @@ pub struct Panel<'a> {
     pub lines: Vec<(&'a str, Vec<(f64, f64)>)>,
 }
 
-/// Returns the panels side by side; names and titles are written as they are, so they hold nothing that means something in XML.
+/// Panels in a row.
+const ACROSS: usize = 4;
+
+/// Returns the panels side by side, in rows of four; names and titles are written as they are, so they hold nothing that means something in XML.
 #[must_use]
 pub fn side_by_side(panels: &[Panel]) -> String {
-    let (width, height) = (PANEL.0 * panels.len() as f64, PANEL.1);
+    let rows = panels.len().div_ceil(ACROSS);
+    let (width, height) = (PANEL.0 * panels.len().min(ACROSS) as f64, PANEL.1 * rows as f64);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
          font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
     );
     for (number, panel) in panels.iter().enumerate() {
-        let _ = writeln!(svg, "<g transform=\"translate({} 0)\">", PANEL.0 * number as f64);
+        let (column, row) = (number % ACROSS, number / ACROSS);
+        let (x, y) = (PANEL.0 * column as f64, PANEL.1 * row as f64);
+        let _ = writeln!(svg, "<g transform=\"translate({x} {y})\">");
         panel.draw(&mut svg);
         svg.push_str("</g>\n");
     }
@@ -133,5 +139,13 @@ mod tests {
         assert_eq!(svg.matches("<polyline").count(), 2, "lines");
         assert_eq!(svg.matches("<circle").count(), 4, "points");
         assert!(svg.contains(">build</text>") && svg.contains(">render</text>"), "names");
+    }
+
+    #[test]
+    fn a_fifth_panel_stands_below_the_first() {
+        let panel = Panel { title: "a", below: "b", lines: vec![("line", vec![(1.0, 2.0), (10.0, 30.0)])] };
+        let svg = side_by_side(&vec![panel; 5]);
+        assert!(svg.contains("width=\"1920\" height=\"720\""), "two rows of four");
+        assert!(svg.contains("translate(1440 0)") && svg.contains("translate(0 360)"), "the fourth and the fifth");
     }
 }
