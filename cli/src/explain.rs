@@ -5,15 +5,17 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use glam::{UVec2, Vec3, Vec3A};
-use integrator::{Explanation, PointExplanation, RecordFacts, Settings, Step, Verdict};
+use integrator::{Explanation, PixelEstimate, PointExplanation, RecordFacts, Settings, Step, Verdict};
 use scene::{Material, Scene};
 
 use crate::failure::{Failure, note, print};
 use crate::progress::Reporter;
 use crate::view::ViewArgs;
 
-/// Tell what became of one pixel while the whole picture is made: its light by terms, and for each surface in it the records,
-/// verification, holes and incident light.
+/// Tell what became of one pixel while the whole picture is made.
+///
+/// Its light by terms, beside what paths find there and how far off it may be; and for each surface in it the records, verification, holes
+/// and incident light. Takes about the time of three pictures.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ExplainArgs {
     /// Scene (.toml or .obj)
@@ -50,20 +52,30 @@ impl ExplainArgs {
         let settings = self.view.settings(&loaded.settings);
         let reporter = Reporter::new(self.quiet);
         let pixel = UVec2::new(self.x, self.y);
-        let explanation = integrator::explain(&scene, &settings, pixel, &|progress| reporter.update(progress));
+        let progress = |progress| reporter.update(progress);
+        let found = integrator::explain(&scene, &settings, pixel, &progress).and_then(|explanation| {
+            Ok((explanation, integrator::estimate_pixel(&scene, &settings, pixel, &progress)?))
+        });
         reporter.finish();
-        let explanation = explanation.map_err(|error| Failure::Input(format!("{name}: {error}; name another")))?;
+        let (explanation, estimate) =
+            found.map_err(|error| Failure::Input(format!("{name}: {error}; name another")))?;
         if !self.quiet {
             for warning in &loaded.warnings {
                 note(&format!("warning: {warning}"));
             }
         }
-        print(&text(pixel, &settings, &explanation, scene.materials()))
+        print(&text(pixel, &settings, &explanation, &estimate, scene.materials()))
     }
 }
 
 /// The whole answer.
-fn text(pixel: UVec2, settings: &Settings, found: &Explanation, materials: &[Material]) -> String {
+fn text(
+    pixel: UVec2,
+    settings: &Settings,
+    found: &Explanation,
+    estimate: &PixelEstimate,
+    materials: &[Material],
+) -> String {
     let mut text = String::new();
     row(
         &mut text,
@@ -92,11 +104,33 @@ fn text(pixel: UVec2, settings: &Settings, found: &Explanation, materials: &[Mat
     ] {
         row(&mut text, 0, name, &rgb(value));
     }
+    explain_error(&mut text, terms.sum(), estimate);
     for (number, point) in found.points.iter().enumerate() {
         let material = materials.get(point.material as usize).map_or("", |material| material.name.as_str());
         explain_point(&mut text, number, point, material);
     }
     text
+}
+
+/// What paths find in the pixel, and how far off it may be.
+fn explain_error(text: &mut String, sum: Vec3, estimate: &PixelEstimate) {
+    let percent = |share: f32| 100.0 * share;
+    let difference = (sum - estimate.reference).element_sum() / (3.0 * estimate.scale);
+    let reference = format!(
+        "{} by {} paths, to {:.2} % (standard error); the picture differs by {:+.2} %",
+        rgb(estimate.reference),
+        estimate.paths,
+        percent(estimate.reference_noise),
+        percent(difference)
+    );
+    row(text, 0, "paths", &reference);
+    let error = format!(
+        "{:.2} % is exceeded by one such pixel of 20: noise {:.2} %, bias {:.2} %",
+        percent(estimate.error),
+        percent(estimate.noise),
+        percent(estimate.bias)
+    );
+    row(text, 0, "error", &error);
 }
 
 fn explain_point(text: &mut String, number: usize, point: &PointExplanation, material: &str) {

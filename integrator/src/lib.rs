@@ -29,7 +29,7 @@ mod surface_points;
 mod terms;
 mod walk;
 
-pub use asked_error::{ERROR_RANGE, ErrorEstimate, render_to_error};
+pub use asked_error::{ERROR_RANGE, ErrorEstimate, PixelEstimate, estimate_pixel, render_to_error};
 pub use explain::{Explanation, PointExplanation, RecordFacts, Step, explain};
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};

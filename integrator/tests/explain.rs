@@ -4,7 +4,9 @@ mod common;
 
 use common::{Builder, lambert, lamp};
 use glam::{UVec2, Vec3};
-use integrator::{Explanation, Method, SecondaryKind, Settings, SettingsError, Step, Study, explain, render};
+use integrator::{
+    Explanation, Method, SecondaryKind, Settings, SettingsError, Step, Study, estimate_pixel, explain, render,
+};
 use scene::Scene;
 
 /// A closed room with a lamp under its ceiling, and a camera in it.
@@ -77,6 +79,34 @@ fn stories_of_all_pixels_add_up_to_picture_and_statistics() {
 }
 
 #[test]
+fn pixels_are_seldom_farther_off_than_estimated_and_paths_find_their_light() {
+    let scene = room();
+    let grey = |light: Vec3| light.element_sum() / 3.0;
+    let size = settings(Method::Path).size;
+    let converged = Settings { method: Method::Path, size, spp: Some(1 << 14), seed: 1, ..Settings::default() };
+    let truth = render(&scene, &converged, &|_| ()).unwrap().film.picture();
+    for method in [Method::Reproject, Method::Path] {
+        let settings = Settings { quality: 0.2, ..settings(method) };
+        let picture = render(&scene, &settings, &|_| ()).unwrap().film.picture();
+        let pixels: Vec<u32> = (0..size.element_product()).step_by(4).collect();
+        let (mut beyond, mut errors) = (0, 0.0);
+        for &number in &pixels {
+            let pixel = UVec2::new(number % size.x, number / size.x);
+            let (truth, light) = (truth[number as usize], picture[number as usize]);
+            let estimate = estimate_pixel(&scene, &settings, pixel, &|_| ()).unwrap();
+            let off = |light: Vec3| (grey(light) - grey(truth)).abs() / estimate.scale;
+            // The truth has half of the noise of these paths.
+            assert!(off(estimate.reference) < 5.0 * estimate.reference_noise + 1e-5, "{pixel}: {estimate:?}");
+            beyond += u32::from(off(light) > estimate.error);
+            errors += estimate.error / pixels.len() as f32;
+            assert_eq!(estimate.bias == 0.0, method == Method::Path, "paths have no bias: {estimate:?}");
+        }
+        assert!(errors < 0.15, "{method:?}: estimates tell something, {errors} in the mean");
+        assert!(beyond <= 2, "{method:?}: {beyond} of {} beyond their estimate", pixels.len());
+    }
+}
+
+#[test]
 fn the_path_tracer_has_terms_and_no_points_and_other_pixels_are_refused() {
     let (scene, settings) = (room(), settings(Method::Path));
     let told = explain(&scene, &settings, UVec2::new(3, 4), &|_| ()).unwrap();
@@ -86,4 +116,5 @@ fn the_path_tracer_has_terms_and_no_points_and_other_pixels_are_refused() {
     let refused = explain(&scene, &settings, pixel, &|_| ()).unwrap_err();
     assert_eq!(refused, SettingsError::Pixel { pixel, size: settings.size }, "a column too far");
     assert!(refused.to_string().contains("10 x 7"), "{refused}");
+    assert_eq!(estimate_pixel(&scene, &settings, pixel, &|_| ()).unwrap_err(), refused, "nor is it estimated");
 }

@@ -11,7 +11,7 @@ fn explain(x: u32, y: u32, more: &[&str]) -> Run {
     freelux(folder().path(), &[&args[..], more].concat())
 }
 
-/// The green of a term.
+/// The green of a term, or of what paths find.
 fn green(run: &Run, term: &str) -> f32 {
     let line = run.stdout.lines().find(|line| line.starts_with(term)).unwrap_or_else(|| panic!("no {term}: {run:?}"));
     line.split_whitespace().nth(2).expect("three numbers").parse().expect("a number")
@@ -30,6 +30,12 @@ fn terms_are_those_of_the_picture_and_the_surface_is_named() {
         assert!(run.expect_done().stdout.contains(words), "{words} in {run:?}");
     }
     assert!(["interpolated", "reprojected", "gathered"].iter().any(|how| run.stdout.contains(how)), "one way: {run:?}");
+
+    let (sum, paths) = (green(&run, "sum"), green(&run, "paths"));
+    assert!((sum / paths - 1.0).abs() < 0.1, "paths find about the same: {run:?}");
+    let difference = format!("the picture differs by {}", if sum > paths { '+' } else { '-' });
+    assert!(run.stdout.contains(&difference), "white and lit by a white lamp, all of it alike: {run:?}");
+    assert!(run.stdout.contains("% is exceeded by one such pixel of 20"), "the error is estimated: {run:?}");
 
     let folder = folder();
     let scene = data("study/cornell/scene.toml");

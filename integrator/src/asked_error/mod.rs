@@ -1,0 +1,192 @@
+//! A picture of an error that is asked for: passes are added until the error that they tell of themselves is small enough.
+//!
+//! Each pass is a whole picture with records, cells and photons of its own. So the passes are independent, and their spread holds all noise, that of a
+//! record which a whole patch of the picture shares included. What they have in common, the bias of caches and of photons, no number of
+//! passes shows; it is measured by paths at some pixels, which verify the picture without sharing anything with it.
+//!
+//! With weights w of the passes, x a pixel's value in each, m their mean, and B the root mean square of the relative bias,
+//!
+//! ```text
+//! s^2 = sum of w^2 (x - m)^2 / (sum of w)^2 * n / (n - 1)
+//! error = t sqrt(s^2 / D^2 + B^2),     D^2 = m^2 + 0.01 (bright / 0.8)^2
+//! ```
+//! where n = (sum of w)^2 / sum of w^2 is the number of passes if they counted alike, s^2 / D^2 is averaged over 3 x 3 pixels, `bright` is the
+//! 90th percentile of the picture, and t the quantile of Student's distribution that is exceeded in one of 20 cases. D is the denominator of relMSE.
+
+mod controls;
+mod passes;
+mod pixel;
+
+use std::time::Instant;
+
+use scene::Scene;
+
+use self::controls::Controls;
+use self::passes::Passes;
+pub use self::pixel::{PixelEstimate, estimate_pixel};
+use crate::{Method, Progress, QUALITY_RANGE, Rendering, Settings, SettingsError, Statistics};
+
+/// Least and greatest relative error that may be asked for.
+pub const ERROR_RANGE: (f32, f32) = (0.001, 1.0);
+
+/// Share of the pixels whose error must be as small as was asked.
+const WANTED_SHARE: f32 = 0.95;
+/// Passes of one quality: four make a round. The first round takes about the time of a picture of the quality of the settings.
+const PASSES: u32 = 4;
+/// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough; and at least that part of it.
+const GROWTH: f32 = 4.0;
+const MAX_ROUNDS: u32 = 12;
+/// Where the bias alone is too large, and passes of [`GROWTH`] times the quality leave more than this share of it, in so many rounds one after the other, more of them are in
+/// vain: it is light that paths or caches do not see at all, such as that of a point lamp behind glass.
+const STALLED: f32 = 0.8;
+const MAX_STALLED: u32 = 2;
+
+/// What a picture tells of its own error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorEstimate {
+    /// For each pixel, row by row, the relative error of the mean of R, G and B that one pixel of 20 exceeds.
+    pub relative: Vec<f32>,
+    /// Share of the pixels where that is at most what was asked for.
+    pub share: f32,
+    /// Root mean square of the relative bias, as paths found it; 0 for [`Method::Path`], which has none.
+    pub bias: f32,
+    /// Pictures that were averaged.
+    pub passes: u32,
+    /// Whether the share is 95 %.
+    pub is_reached: bool,
+}
+
+/// Makes a picture whose relative error is at most `error` in 95 % of the pixels, as far as it can tell: see [`ErrorEstimate`]. The settings' quality
+/// is that of the first round of passes; `spp` is ignored. Deterministic, as [`render`].
+///
+/// # Errors
+///
+/// When a setting or the error is out of its range, see [`Settings::validate`] and [`ERROR_RANGE`].
+///
+/// ```
+/// use integrator::{Settings, render_to_error};
+/// use scene::glam::{UVec2, Vec3};
+/// use scene::{Description, Environment, Material, Mesh, Scene};
+///
+/// let floor = Mesh {
+///     positions: vec![Vec3::new(-1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 0.0, -1.0)],
+///     triangles: vec![[0, 1, 2]],
+///     materials: vec![0],
+///     ..Mesh::default()
+/// };
+/// let scene = Scene::new(Description {
+///     meshes: vec![floor],
+///     materials: vec![Material::default()],
+///     environment: Some(Environment::constant(Vec3::ONE)),
+///     ..Description::default()
+/// })?;
+/// let settings = Settings { size: UVec2::splat(16), ..Settings::default() };
+/// let (rendering, estimate) = render_to_error(&scene, &settings, 0.05, &|_| ())?;
+/// assert!(estimate.is_reached && estimate.share >= 0.95);
+/// assert_eq!(estimate.relative.len(), rendering.film.pixel_count());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn render_to_error(
+    scene: &Scene,
+    settings: &Settings,
+    error: f32,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<(Rendering, ErrorEstimate), SettingsError> {
+    settings.validate()?;
+    // Written so that NaN is refused.
+    if !(ERROR_RANGE.0..=ERROR_RANGE.1).contains(&error) {
+        return Err(SettingsError::Error(error));
+    }
+    let start = Instant::now();
+    let pass = Settings { spp: None, ..settings.clone() };
+    let mut passes = Passes::new(settings.size);
+    let mut controls = Controls::new(settings);
+    let mut statistics = Statistics::default();
+    let (least, most) = QUALITY_RANGE;
+    let mut quality = (settings.quality / PASSES as f32).max(least);
+    let (mut round, mut stalled, mut last_bias) = (0, 0, f32::INFINITY);
+    loop {
+        round += 1;
+        passes.add_round(scene, &pass, quality, &mut statistics, progress)?;
+        let mut bias_sq = 0.0;
+        let measure = passes.measure();
+        if settings.method != Method::Path {
+            bias_sq = statistics.time("verify", |statistics| {
+                controls.trace(scene, settings.size, &mut statistics.rays);
+                controls.bias_sq(&measure, error)
+            });
+        }
+        let estimate = measure.estimate(bias_sq, error, passes.count);
+        let is_hopeless = student(f32::INFINITY) * estimate.bias > error;
+        stalled = if is_hopeless && estimate.bias > STALLED * last_bias { stalled + 1 } else { 0 };
+        last_bias = estimate.bias;
+        if estimate.is_reached || round == MAX_ROUNDS || quality >= most || stalled == MAX_STALLED {
+            statistics.render_seconds = start.elapsed().as_secs_f64();
+            return Ok((Rendering { film: passes.film, statistics }, estimate));
+        }
+        let excess = estimate.excess(error);
+        // What bias is left only better passes take away.
+        let missing = if is_hopeless { f32::INFINITY } else { passes.weight * (excess * excess - 1.0) / PASSES as f32 };
+        quality = missing.clamp(quality / GROWTH, GROWTH * quality).clamp(least, most);
+    }
+}
+
+/// The quantile of Student's distribution that is exceeded in one of 20 cases, either way (Cornish and Fisher's expansion; 2 % too small for 4 degrees
+/// of freedom).
+fn student(degrees: f32) -> f32 {
+    1.96 + (2.372 + 2.822 / degrees) / degrees
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{UVec2, Vec3};
+
+    use super::*;
+    use crate::{Film, Rng};
+
+    /// Passes of a picture of radiance 1 with noise of a relative deviation of 0.1 at weight 1.
+    fn noisy(size: UVec2, weights: &[f32]) -> Passes {
+        let mut rng = Rng::new(3, 1);
+        let mut passes = Passes::new(size);
+        for &weight in weights {
+            let mut film = Film::new(size);
+            for pixel in &mut film.direct {
+                // The sum of 12 uniform numbers has the variance 1.
+                let normal = (0..12).map(|_| rng.next_1d()).sum::<f32>() - 6.0;
+                *pixel = Vec3::splat(1.0 + 0.1 * normal / weight.sqrt());
+            }
+            passes.add(&film, weight);
+        }
+        passes
+    }
+
+    #[test]
+    fn one_pixel_of_twenty_is_farther_off_than_it_says() {
+        for weights in [&[1.0; 4][..], &[1.0; 16], &[1.0, 1.0, 1.0, 1.0, 4.0, 4.0, 4.0, 4.0]] {
+            let passes = noisy(UVec2::splat(100), weights);
+            let measure = passes.measure();
+            let estimate = measure.estimate(0.0, 0.1, passes.count);
+            let is_off = |(mean, relative): (&f32, &f32)| (mean - 1.0).abs() > relative * (1.0f32 + 0.016).sqrt();
+            let off = measure.mean.iter().zip(&estimate.relative).filter(|&pair| is_off(pair)).count();
+            // Of 10,000 pixels 500; the neighbours' noise is known too, so that fewer are off than Student's t allows.
+            assert!((100..560).contains(&off), "{} passes: {off}", weights.len());
+        }
+    }
+
+    #[test]
+    fn excess_tells_what_more_passes_bring() {
+        let few = noisy(UVec2::splat(64), &[1.0; 8]).measure().estimate(0.0, 0.02, 8);
+        let many = noisy(UVec2::splat(64), &[1.0; 32]).measure().estimate(0.0, 0.02, 32);
+        let ratio = few.excess(0.02) / many.excess(0.02);
+        assert!(!few.is_reached && (1.9..2.6).contains(&ratio), "four times the passes: {ratio}");
+        let biased = noisy(UVec2::splat(64), &[1.0; 32]).measure().estimate(0.01, 0.02, 32);
+        assert!(biased.excess(0.02) > 0.2 / 0.02, "a bias of 0.1 stays");
+    }
+
+    #[test]
+    fn student_is_known() {
+        for (degrees, known) in [(6.0, 2.447), (10.0, 2.228), (30.0, 2.042), (1e6, 1.960)] {
+            assert!((student(degrees) / known - 1.0).abs() < 0.01, "{degrees}: {}", student(degrees));
+        }
+    }
+}
