@@ -57,7 +57,7 @@ pub struct ErrorEstimate {
 }
 
 /// Makes a picture whose relative error is at most `error` in 95 % of the pixels, as far as it can tell: see [`ErrorEstimate`]. The settings' quality
-/// is that of the first round of passes; `spp` is ignored. Deterministic, as [`render`].
+/// is that of the first round of passes; `spp` is ignored. Deterministic, as [`render`](crate::render).
 ///
 /// # Errors
 ///
