@@ -112,8 +112,16 @@ pub(crate) fn study(text: &str) -> Result<StudySetting, String> {
     Ok(StudySetting { name: name.to_owned(), value: value.to_owned() })
 }
 
+/// A setting for study that is an argument of its own, `--NAME VALUE`, and has these values.
+pub(crate) fn choice<const N: usize>(
+    name: &'static str,
+    values: [&'static str; N],
+) -> impl TypedValueParser<Value = StudySetting> {
+    PossibleValuesParser::new(values).map(move |value| StudySetting { name: name.to_owned(), value })
+}
+
 /// All settings for study together; the last of a name counts.
-pub(crate) fn all_studies(settings: &[StudySetting]) -> Study {
+pub(crate) fn all_studies<'a>(settings: impl IntoIterator<Item = &'a StudySetting>) -> Study {
     let mut study = Study::default();
     for setting in settings {
         study.set(&setting.name, &setting.value).expect("checked when it was parsed");

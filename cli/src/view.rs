@@ -32,6 +32,13 @@ pub(crate) struct ViewArgs {
     /// secondary (cells, photons, paths); may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]
     set: Vec<args::StudySetting>,
+    /// What of a texture a reprojected element covers: its quadrilateral, or the rectangle around that, as in the paper [default: quad]
+    #[arg(long, value_name = "KIND", value_parser = args::choice("coverage", ["quad", "rect"]))]
+    coverage: Option<args::StudySetting>,
+    /// What leaves a trail of texels about which nothing is known: silhouettes as far as they uncover something, as far as they move, or
+    /// all elements, as in the paper [default: uncovered]
+    #[arg(long, value_name = "KIND", value_parser = args::choice("trail", ["uncovered", "silhouettes", "all"]))]
+    trail: Option<args::StudySetting>,
     /// Width and height in pixels [default: the scene's, or 640x360]
     #[arg(long, value_name = "WxH", value_parser = args::size, allow_hyphen_values = true)]
     size: Option<UVec2>,
@@ -100,8 +107,13 @@ impl ViewArgs {
             spp: self.spp.or(file.spp),
             size: self.size.or(file.size).unwrap_or(default.size),
             seed: self.seed.or(file.seed).unwrap_or(default.seed),
-            study: args::all_studies(&self.set),
+            study: args::all_studies(self.study()),
         }
+    }
+
+    /// All settings for study; those that are arguments of their own come last.
+    fn study(&self) -> impl Iterator<Item = &args::StudySetting> {
+        self.set.iter().chain(&self.coverage).chain(&self.trail)
     }
 
     /// The scene's camera, overruled by the arguments. Where there is none, the whole scene is framed first.
@@ -127,7 +139,7 @@ impl ViewArgs {
         add("method", Some(settings.method.name().to_owned()));
         add("quality", Some(settings.quality.to_string()));
         add("spp", settings.spp.map(|spp| spp.to_string()));
-        for setting in &self.set {
+        for setting in self.study() {
             add("set", Some(format!("{}={}", setting.name, setting.value)));
         }
         add("size", Some(format!("{}x{}", settings.size.x, settings.size.y)));

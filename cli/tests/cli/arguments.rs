@@ -42,6 +42,8 @@ fn wrong_arguments_are_refused_in_one_line() {
         ("render --error 2", "--error"),
         ("render --error nan", "--error"),
         ("render --error 0.1 --spp 4", "--spp"),
+        ("render --coverage round", "--coverage"),
+        ("render --trail some", "--trail"),
         ("render --size 0x9", "size 0x9"),
         ("render --size 1000000000x1", "size 1000000000x1"),
         ("render --size 99999999999x1", "--size"),

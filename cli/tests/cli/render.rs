@@ -100,6 +100,25 @@ fn a_term_alone_is_the_picture() {
 }
 
 #[test]
+fn the_papers_own_reprojection_has_options() {
+    let folder = folder();
+    let render = |name: &str, more: &[&str]| {
+        // Records that reach far, so that some points reproject.
+        let words = ["--method", "reproject", "--quality=0.1", "--set=spacing=0.8", "--out", name];
+        cornell(folder.path(), &[&words[..], more].concat()).expect_done();
+        let image = read_all_flat_layers_from_file(folder.path().join(name)).unwrap();
+        channel(&image, "indirect.G").to_vec()
+    };
+    let default = render("default.exr", &[]);
+    let rectangles = render("rectangles.exr", &["--coverage", "rect"]);
+    let both = render("both.exr", &["--coverage", "rect", "--trail", "all"]);
+    assert!(default != rectangles && rectangles != both, "each changes something");
+    assert_eq!(both, render("set.exr", &["--set=coverage=rect", "--set=trail=all"]), "settings for study");
+    let named = render("named.exr", &["--set=trail=all", "--coverage=quad", "--trail=uncovered"]);
+    assert_eq!(named, default, "the defaults by name, which come after all --set");
+}
+
+#[test]
 fn threads_do_not_change_a_byte_and_the_seed_does() {
     let folder = folder();
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
