@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{UVec2, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use integrator::{PathTracer, Sampler, hash_pair};
 use radcache::{MergeSettings, Record, RecordSettings, Samples, Validity};
@@ -35,56 +35,50 @@ const PAIRS: usize = 12;
 /// Paths through each texel, for a radiance about as smooth as that of a photon map.
 const PATHS: u32 = 32;
 
-/// Gathers of `n x n` texels seen by the cameras of the Cornell box, matt and glossy, and of the atrium under its sky, and on the
-/// floor of a box with 60 others in it; then the Cornell box with normals that turn, as those of curved surfaces do, and with elements that
-/// keep contrasts, as where lobes read them.
+/// Gathers of `n x n` texels seen by the cameras of the Cornell box, matt and glossy, of the atrium under its sky, of the scene that is
+/// embedded in the program, and of a cow on a floor; then on the floor of a box with 60 others in it, in the Cornell box with normals that turn, as those
+/// of curved surfaces do, and there with elements that keep contrasts, as where lobes read them.
 ///
 /// # Panics
-/// If a scene of the tests is not there.
+/// If a scene is not there.
 #[must_use]
 pub fn gathers(n: usize) -> Vec<Gathers> {
-    let study = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/study"));
-    let load = |name: &str, environment: Option<&str>| {
-        let options = LoadOptions { environment: environment.map(|file| study.join(file)), environment_scale: 1.0 };
-        let loaded = scene::load(&study.join(name).join("scene.obj"), &options).expect("the study scenes are there");
-        Scene::new(loaded.description).expect("a loaded scene is right")
-    };
-    let box_camera = Camera { eye: Vec3A::new(278.0, 273.0, -800.0), at: Vec3A::new(278.0, 273.0, -799.0), fov: 39.3 };
-    let atrium_camera = Camera { eye: Vec3A::new(-3.6, 1.6, 2.4), at: Vec3A::new(2.2, 1.25, -1.0), fov: 60.0 };
     let merge = MergeSettings::default();
     // Where wide lobes read textures, elements must not blur light.
     let keeps_contrast = MergeSettings { max_contrast: 0.1, ..merge };
-    let cornell = load("cornell", None);
-    let glossy = load("cornell-glossy", None);
+    let cornell = View::load("tests/data/study/cornell/scene.toml");
+    let glossy = View::load("tests/data/study/cornell-glossy/scene.toml");
     vec![
-        seen(&cornell, "cornell", &box_camera, n, merge, 0.0),
-        seen(&glossy, "cornell-glossy", &box_camera, n, merge, 0.0),
-        seen(&load("atrium-env", Some("atrium-env/env.exr")), "atrium-env", &atrium_camera, n, merge, 0.0),
+        seen(&cornell, "cornell", n, merge, 0.0),
+        seen(&glossy, "cornell-glossy", n, merge, 0.0),
+        seen(&View::load("tests/data/study/atrium-env/scene.toml"), "atrium-env", n, merge, 0.0),
+        seen(&View::load("cli/scenes/default.toml"), "embedded", n, merge, 0.0),
+        seen(&View::load("tests/data/spot/floor.toml"), "spot", n, merge, 0.0),
         cluttered(n),
-        seen(&cornell, "cornell-turned", &box_camera, n, merge, 0.2),
-        seen(&glossy, "cornell-contrast", &box_camera, n, keeps_contrast, 0.0),
+        seen(&cornell, "cornell-turned", n, merge, 0.2),
+        seen(&glossy, "cornell-contrast", n, keeps_contrast, 0.0),
     ]
 }
 
-struct Camera {
-    eye: Vec3A,
-    at: Vec3A,
-    /// Vertical, degrees.
-    fov: f32,
+/// A scene and the size of its picture.
+struct View {
+    scene: Scene,
+    size: UVec2,
 }
 
-impl Camera {
-    fn direction(&self, film: Vec2) -> Vec3A {
-        let forward = (self.at - self.eye).normalize();
-        let right = forward.cross(Vec3A::Y).normalize();
-        let size = 2.0 * (0.5 * self.fov.to_radians()).tan();
-        let place = (film - 0.5) * size;
-        (forward + right * place.x + right.cross(forward) * place.y).normalize()
+impl View {
+    /// Loads a scene file by its path from the root of the workspace.
+    fn load(path: &str) -> Self {
+        let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+        let loaded = scene::load(&root.join(path), &LoadOptions::default()).expect("the scene is there");
+        let size = loaded.settings.size.unwrap_or(UVec2::ONE);
+        Self { scene: Scene::new(loaded.description).expect("a loaded scene is right"), size }
     }
 }
 
 /// Records at what a camera sees, each used away from it in the plane, its normal turned by up to `turn`.
-fn seen(scene: &Scene, name: &'static str, camera: &Camera, n: usize, merge: MergeSettings, turn: f32) -> Gathers {
+fn seen(view: &View, name: &'static str, n: usize, merge: MergeSettings, turn: f32) -> Gathers {
+    let scene = &view.scene;
     let size = (scene.bounds().max - scene.bounds().min).length();
     let validity = Validity {
         min_radius: 1e-3 * size,
@@ -97,7 +91,7 @@ fn seen(scene: &Scene, name: &'static str, camera: &Camera, n: usize, merge: Mer
         assert!(number < 1000, "{name}: most places have a record");
         // The plastic sequence (Roberts 2018): even over the square.
         let film = (number as f32 * Vec2::new(0.754_877_7, 0.569_840_3)).fract();
-        let ray = scene::Ray::new(camera.eye, camera.direction(film));
+        let ray = scene.camera_ray(film * view.size.as_vec2(), view.size);
         let Some(hit) = scene.intersect(&ray) else { continue };
         let surface = scene.surface(&ray, &hit);
         let frame = Frame::from_normal(surface.n);
