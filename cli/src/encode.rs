@@ -12,7 +12,7 @@ use exr::prelude::{AttributeValue, Compression, LayerAttributes, Text, Vec2};
 use glam::{UVec2, Vec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
-use integrator::Film;
+use integrator::{Film, Rungs};
 use rayon::prelude::*;
 
 use crate::failure::Failure;
@@ -83,6 +83,8 @@ enum Source<'a> {
     Axis(&'a [Vec3], usize),
     /// Each number.
     Plain(&'a [f32]),
+    /// A number of each of these, by its place in [`Rungs::NAMES`].
+    Rung(&'a [Rungs], usize),
 }
 
 impl Source<'_> {
@@ -90,6 +92,7 @@ impl Source<'_> {
         match self {
             Self::Axis(vectors, axis) => vectors[pixel][axis],
             Self::Plain(numbers) => numbers[pixel],
+            Self::Rung(rungs, number) => rungs[pixel].to_array()[number],
         }
     }
 }
@@ -104,7 +107,7 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Writes one part of float32 with ZIP: `picture` as R, G, B with A, linear and unclamped. Where the picture is the
 /// whole one and not a `term`, the terms, albedo, normal (world space) and depth (metres along the ray) follow, and the
-/// estimated relative `error` where there is one.
+/// rungs and the estimated relative `error` where there are such.
 pub(crate) fn exr(
     film: &Film,
     picture: &[Vec3],
@@ -122,6 +125,10 @@ pub(crate) fn exr(
         channels.extend(three("albedo.", RGB, &film.albedo));
         channels.extend(three("normal.", ["X", "Y", "Z"], &film.normal));
         channels.push(("depth.Z".to_owned(), Source::Plain(&film.depth)));
+        if let Some(rungs) = &film.rungs {
+            let names = Rungs::NAMES.into_iter().enumerate();
+            channels.extend(names.map(|(number, name)| (format!("rung.{name}"), Source::Rung(rungs, number))));
+        }
         channels.extend(error.map(|error| ("error.Y".to_owned(), Source::Plain(error))));
     }
     // Attributes of one's own are kept in hash maps of random order: one in each of the two keeps the bytes the same.

@@ -42,6 +42,10 @@ pub(crate) struct RenderArgs {
     /// Write this term of the picture alone
     #[arg(long, value_enum)]
     term: Option<Term>,
+    /// Tell in channels of the EXR how each pixel got its indirect light: interpolated, reprojected or gathered, and what records knew of
+    /// its hemisphere
+    #[arg(long)]
+    rungs: bool,
     /// Exposure of the PNG in stops: 0 shows radiance 1 as white [default: the
     /// scene's, or what brings nine tenths of the picture below a half]
     #[arg(long, value_name = "EV", value_parser = args::stops, allow_hyphen_values = true)]
@@ -91,7 +95,7 @@ impl RenderArgs {
         description.camera = self.view.camera(&description)?;
         let scene =
             Scene::new(description).map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
-        let settings = self.view.settings(&loaded.settings);
+        let settings = Settings { rungs: self.rungs, ..self.view.settings(&loaded.settings) };
         settings.validate().map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
         let build_seconds = start.elapsed().as_secs_f64();
         // Told only now, so that a scene that is refused gives one line.

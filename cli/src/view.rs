@@ -108,6 +108,7 @@ impl ViewArgs {
             size: self.size.or(file.size).unwrap_or(default.size),
             seed: self.seed.or(file.seed).unwrap_or(default.seed),
             study: args::all_studies(self.study()),
+            ..default
         }
     }
 

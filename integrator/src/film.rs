@@ -6,6 +6,8 @@
 use glam::{DVec3, UVec2, Vec3, Vec3A};
 use scene::{Bsdf, Specular};
 
+use crate::rungs::Rungs;
+
 /// Radiance split by the way that the light came, W m^-2 sr^-1.
 ///
 /// From the light L to the eye E, with D for a diffuse or glossy vertex, S for a mirror or glass, x1 the surface that is seen and its
@@ -151,6 +153,9 @@ pub struct Film {
     pub depth: Vec<f32>,
     /// See [`Pixel::alpha`].
     pub alpha: Vec<f32>,
+    /// How each pixel got its indirect light, where [`Settings::rungs`](crate::Settings::rungs) asks for it; never by
+    /// [`Method::Path`](crate::Method::Path).
+    pub rungs: Option<Vec<Rungs>>,
 }
 
 /// Some whole rows of a [`Film`], to be filled by one thread.
@@ -168,6 +173,8 @@ pub struct Band<'a> {
     normal: &'a mut [Vec3],
     depth: &'a mut [f32],
     alpha: &'a mut [f32],
+    /// Empty where nobody asks for them.
+    rungs: &'a mut [Rungs],
 }
 
 impl Film {
@@ -187,6 +194,7 @@ impl Film {
             normal: black(),
             depth: vec![f32::INFINITY; count],
             alpha: vec![0.0; count],
+            rungs: None,
         }
     }
 
@@ -200,7 +208,8 @@ impl Film {
     #[must_use]
     pub fn memory_bytes(&self) -> u64 {
         let pixel = 7 * size_of::<Vec3>() + 2 * size_of::<f32>();
-        (self.pixel_count() * pixel) as u64
+        let rungs = self.rungs.as_ref().map_or(0, |rungs| size_of_val(&rungs[..]));
+        (self.pixel_count() * pixel + rungs) as u64
     }
 
     /// Returns the terms of one pixel.
@@ -249,6 +258,10 @@ impl Film {
         for (alpha, &other) in self.alpha.iter_mut().zip(&other.alpha) {
             *alpha += (other - *alpha) * share;
         }
+        if let Some(others) = &other.rungs {
+            let own = self.rungs.get_or_insert_with(|| vec![Rungs::default(); others.len()]);
+            own.iter_mut().zip(others).for_each(|(own, other)| own.mix(*other, share));
+        }
     }
 
     /// Returns the film cut into bands of `rows` rows (the last may be lower), from the top.
@@ -272,13 +285,28 @@ impl Film {
         ];
         let mut planes = planes.map(|plane| plane.chunks_mut(length));
         let scalars = self.depth.chunks_mut(length).zip(self.alpha.chunks_mut(length));
+        let mut rungs = self.rungs.as_deref_mut().unwrap_or_default().chunks_mut(length);
         let first_rows = (0u32..).step_by(rows as usize);
         first_rows
             .zip(scalars)
             .map(|(first_row, (depth, alpha))| {
                 let [emitted, direct, specular, caustic, indirect, albedo, normal] =
                     planes.each_mut().map(|plane| plane.next().unwrap_or_default());
-                Band { first_row, width, emitted, direct, specular, caustic, indirect, albedo, normal, depth, alpha }
+                let rungs = rungs.next().unwrap_or_default();
+                Band {
+                    first_row,
+                    width,
+                    emitted,
+                    direct,
+                    specular,
+                    caustic,
+                    indirect,
+                    albedo,
+                    normal,
+                    depth,
+                    alpha,
+                    rungs,
+                }
             })
             .collect()
     }
@@ -320,6 +348,13 @@ impl Band<'_> {
         self.normal[index] = pixel.normal;
         self.depth[index] = pixel.depth;
         self.alpha[index] = pixel.alpha;
+    }
+
+    /// Writes how pixel number `index` of the band got its indirect light, if anybody asks.
+    pub(crate) fn set_rungs(&mut self, index: usize, rungs: Rungs) {
+        if let Some(place) = self.rungs.get_mut(index) {
+            *place = rungs;
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use crate::gather::Gatherer;
 use crate::irradiance_cache::{self, Recorder};
 use crate::lattice::Lattice;
 use crate::plan::Plan;
+use crate::rungs::Rungs;
 use crate::sampler::hash_pair;
 use crate::secondary::Secondary;
 use crate::sky::SkySplit;
@@ -35,6 +36,7 @@ pub(crate) fn render<S: Secondary>(
     witness: Option<&Witness>,
 ) -> Film {
     let mut film = Film::new(settings.size);
+    film.rungs = settings.rungs.then(|| vec![Rungs::default(); film.pixel_count()]);
     let Settings { size, seed, .. } = *settings;
     let mut primary = Primary { scene, plan, secondary, sky, guide: None, light_guide: None, size, seed };
     statistics.time("direct", |statistics| primary.learn_guides(&mut statistics.rays));
@@ -241,7 +243,7 @@ fn develop<S: Secondary>(
             }
         })
         .collect();
-    let developed: Vec<(Pixel, u64)> = pixels
+    let developed: Vec<(Pixel, Rungs, u64)> = pixels
         .into_par_iter()
         .enumerate()
         .map(|(index, mut pixel)| {
@@ -254,12 +256,17 @@ fn develop<S: Secondary>(
                     dropped += 1;
                 }
             }
-            (pixel.sum.mean(pixel.samples), dropped)
+            let mut rungs = Rungs::default();
+            for number in lattice.of_pixel(index) {
+                rungs.add(values[number].rung, points[number].count / pixel.samples as f32);
+            }
+            (pixel.sum.mean(pixel.samples), rungs, dropped)
         })
         .collect();
-    for (index, (pixel, dropped)) in developed.iter().enumerate() {
+    for (index, (pixel, rungs, dropped)) in developed.iter().enumerate() {
         statistics.dropped_samples += dropped;
         band.set(index, pixel);
+        band.set_rungs(index, *rungs);
     }
 }
 

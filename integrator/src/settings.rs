@@ -76,6 +76,8 @@ pub struct Settings {
     pub size: UVec2,
     /// Single settings that overrule the quality.
     pub study: Study,
+    /// Whether the film tells how each pixel got its indirect light, see [`Film::rungs`](crate::Film::rungs). The picture is the same.
+    pub rungs: bool,
     /// Any number; another seed gives a statistically independent picture.
     pub seed: u64,
 }
@@ -88,6 +90,7 @@ impl Default for Settings {
             spp: None,
             size: UVec2::new(640, 360),
             study: Study::default(),
+            rungs: false,
             seed: 0,
         }
     }

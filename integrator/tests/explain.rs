@@ -5,7 +5,7 @@ mod common;
 use common::{Builder, lambert, lamp};
 use glam::{UVec2, Vec3};
 use integrator::{
-    Explanation, Method, SecondaryKind, Settings, SettingsError, Step, Study, estimate_pixel, explain, render,
+    Explanation, Method, Rungs, SecondaryKind, Settings, SettingsError, Step, Study, estimate_pixel, explain, render,
 };
 use scene::Scene;
 
@@ -75,6 +75,30 @@ fn stories_of_all_pixels_add_up_to_picture_and_statistics() {
             method == Method::Gather || (interpolated > 0 && reprojected > 0 && records > 0),
             "all kinds: {counted:?}"
         );
+    }
+}
+
+#[test]
+fn rungs_of_all_pixels_add_up_to_the_statistics() {
+    let scene = room();
+    for method in [Method::Reproject, Method::Gather, Method::CacheOnly] {
+        // With one sample, each pixel is one point of one surface.
+        let Settings { study, .. } = settings(method);
+        let study = Study { even_samples: Some(true), ..study };
+        let plain = Settings { spp: Some(1), size: UVec2::new(48, 32), study, ..settings(method) };
+        let told = render(&scene, &Settings { rungs: true, ..plain.clone() }, &|_| ()).unwrap();
+        let without = render(&scene, &plain, &|_| ()).unwrap();
+        assert_eq!((without.film.picture(), without.film.rungs), (told.film.picture(), None), "the same picture");
+        let (counted, rungs) = (&told.statistics, told.film.rungs.expect("they were asked for"));
+        let sum = |number: fn(&Rungs) -> f32| rungs.iter().map(|rungs| f64::from(number(rungs))).sum::<f64>();
+        let ways = [sum(|r| r.interpolated), sum(|r| r.reprojected), sum(|r| r.gathered)];
+        let expected = [counted.interpolated, counted.reprojected, counted.gathered];
+        assert_eq!(ways, expected.map(|count| count as f64), "{method:?}: points by their ways");
+        assert_eq!(ways.iter().sum::<f64>(), counted.surface_points as f64, "{method:?}: every point has one");
+        assert_eq!(ways[1] > 0.0, method == Method::Reproject, "{method:?}: {expected:?}");
+        for (share, mean) in [(sum(|r| r.filled), counted.share_filled), (sum(|r| r.unknown), counted.share_unknown)] {
+            assert!((share - ways[1] * mean).abs() <= 0.002 * ways[1], "{method:?}: shares of hemispheres");
+        }
     }
 }
 

@@ -14,6 +14,7 @@ use super::record::Place;
 use super::recorder::MIN_PIXELS;
 use crate::explain::Step;
 use crate::lattice::{Lattice, STRIDES};
+use crate::rungs::Rung;
 use crate::secondary::Secondary;
 use crate::sky::luminance;
 use crate::surface_points::SurfacePoint;
@@ -42,7 +43,8 @@ pub(crate) fn fill<S: Secondary>(
     for (number, incident) in term.look_over(points, beyond, counts) {
         values[number] = Some(incident);
     }
-    let mut has_looked = vec![false; points.len()];
+    // Those that have looked for themselves are interpolated in the end, too, but this is how they came to their light.
+    let mut rungs = vec![Rung::Interpolated; points.len()];
     let places: Vec<Place> =
         points.par_iter().zip(&values).map(|(point, value)| place(term, point, value.is_none())).collect();
     counts.rays.hole += values.iter().filter(|value| value.is_none()).count() as u64;
@@ -59,10 +61,10 @@ pub(crate) fn fill<S: Secondary>(
         for batch in [middles, sides] {
             let frozen = &*index;
             // The record of a long point may not reach its middle, but a second one would be the same.
-            let is_alone = |&number: &usize| !has_looked[number] && !frozen.covers(&places[number], PLACE);
+            let is_alone = |&number: &usize| !rungs[number].has_looked() && !frozen.covers(&places[number], PLACE);
             let alone = batch.into_par_iter().filter(is_alone).collect();
             for (number, look) in ask(alone, stride, counts) {
-                has_looked[number] = true;
+                rungs[number] = look.incident.rung;
                 index.extend(look.record);
             }
         }
@@ -71,14 +73,16 @@ pub(crate) fn fill<S: Secondary>(
     loop {
         let frozen = &*index;
         let is_lost = |&number: &usize| {
-            values[number].is_none() && !has_looked[number] && light(&points[number], &places[number], frozen).is_none()
+            values[number].is_none()
+                && !rungs[number].has_looked()
+                && light(&points[number], &places[number], frozen).is_none()
         };
         let lost: Vec<usize> = (0..points.len()).into_par_iter().filter(is_lost).collect();
         if lost.is_empty() {
             break;
         }
         for (number, look) in ask(lost, 1, counts) {
-            has_looked[number] = true;
+            rungs[number] = look.incident.rung;
             index.extend(look.record);
         }
     }
@@ -88,20 +92,21 @@ pub(crate) fn fill<S: Secondary>(
     counts.rays.hole += 2 * long.len() as u64;
     let is_wide = |&number: &usize| is_wide(term, &points[number], &places[number], index);
     let wide: Vec<usize> = long.into_par_iter().filter(is_wide).collect();
-    counts.gathered += wide.iter().filter(|&&number| !has_looked[number]).count() as u64;
+    counts.gathered += wide.iter().filter(|&&number| !rungs[number].has_looked()).count() as u64;
     for (number, incident) in term.look_over(points, wide, counts) {
-        values[number] = Some(incident);
+        let rung = if rungs[number].has_looked() { rungs[number] } else { incident.rung };
+        values[number] = Some(Incident { rung, ..incident });
     }
     counts.interpolated +=
-        values.iter().zip(&has_looked).filter(|(value, looked)| value.is_none() && !**looked).count() as u64;
+        values.iter().zip(&rungs).filter(|(value, rung)| value.is_none() && !rung.has_looked()).count() as u64;
     let rest = |number: usize| {
         values[number].unwrap_or_else(|| {
             let light = light(&points[number], &places[number], index);
             let ([near, sky], records) = light.expect("a point that no record reached has become one");
-            if !has_looked[number] {
+            if !rungs[number].has_looked() {
                 term.tell(&points[number], || Step::Interpolated { records });
             }
-            Incident { near, sky, ..Incident::default() }
+            Incident { near, sky, rung: rungs[number], ..Incident::default() }
         })
     };
     (0..points.len()).into_par_iter().map(rest).collect()

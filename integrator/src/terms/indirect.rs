@@ -19,6 +19,7 @@ use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
 use crate::plan::Plan;
+use crate::rungs::Rung;
 use crate::sampler::{hash, hash_pair};
 use crate::secondary::Secondary;
 use crate::statistics::RayCounts;
@@ -33,6 +34,8 @@ pub(crate) struct Incident {
     pub(crate) sky: Vec3,
     /// Indirect light that the glossy part reflects, where a texture carries it.
     pub(crate) glossy: Vec3,
+    /// How it was found.
+    pub(crate) rung: Rung,
 }
 
 /// What a point found by looking for itself.
@@ -54,6 +57,14 @@ pub(crate) struct Counts {
     pub(crate) filled: f64,
     pub(crate) unknown: f64,
     pub(crate) traced: f64,
+}
+
+impl Look {
+    /// The same, found in this way.
+    fn by(mut self, rung: Rung) -> Self {
+        self.incident.rung = rung;
+        self
+    }
 }
 
 impl Counts {
@@ -132,7 +143,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                 let frame = Frame::from_normal(point.shading.surface.n);
                 let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, &mut rays);
                 self.tell(point, || Step::Gathered { resolution: n, record: None });
-                (number, self.look(&samples, &frame, point, weights), rays)
+                (number, self.look(&samples, &frame, point, weights).by(Rung::Gathered), rays)
             })
             .collect();
         counts.take(found)
@@ -170,7 +181,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             for (&number, answer) in todo.iter().zip(answers) {
                 match answer {
                     Answer::Served(look, shares, rays) => {
-                        looks.push((number, look));
+                        looks.push((number, look.by(Rung::reprojected(&shares))));
                         counts.rays += rays;
                         counts.reprojected += 1;
                         counts.filled += f64::from(shares.filled);
@@ -178,7 +189,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                         counts.traced += f64::from(shares.holes);
                     }
                     Answer::Looked(look, rays) => {
-                        looks.push((number, look));
+                        looks.push((number, look.by(Rung::Gathered)));
                         counts.rays += rays;
                         counts.gathered += 1;
                     }
@@ -197,7 +208,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                 .collect();
             for (&number, (record, look, rays)) in missing.iter().zip(made) {
                 index.extend(record);
-                looks.push((number, look));
+                looks.push((number, look.by(Rung::Gathered)));
                 counts.rays += rays;
                 counts.gathered += 1;
             }
@@ -249,7 +260,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             Step::Reprojected { record, verdict, second_verdict, shares, hole_rays }
         });
         let [near, sky] = workspace.mean_radiance_by_distance();
-        let mut incident = Incident { near, sky, glossy: Vec3::ZERO };
+        let mut incident = Incident { near, sky, ..Incident::default() };
         if takes_texture {
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
             [incident.glossy, _] = workspace.weighted_sum_by_distance(record, weights);
@@ -354,7 +365,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     fn look(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Look {
         let mean = samples.mean_radiance_by_distance();
         let [near, sky] = mean;
-        let mut incident = Incident { near, sky, glossy: Vec3::ZERO };
+        let mut incident = Incident { near, sky, ..Incident::default() };
         if needs_texture(&point.shading, self.plan) {
             self.weigh(point, frame, samples.resolution(), weights);
             let texels = samples.radiance.iter().zip(&samples.background_share).zip(weights.iter());

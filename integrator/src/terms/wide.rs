@@ -10,6 +10,7 @@ use scene::Surface;
 
 use super::indirect::{Counts, Incident, IndirectTerm};
 use crate::explain::Step;
+use crate::rungs::Rung;
 use crate::sampler::{Rng, hash_pair, in_cell};
 use crate::secondary::Secondary;
 use crate::statistics::RayCounts;
@@ -50,7 +51,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         }
         self.tell(point, || Step::Spread { places: places.len(), resolution: n });
         let [near, sky] = sum.map(|part| part * share);
-        Incident { near, sky, glossy: Vec3::ZERO }
+        Incident { near, sky, rung: Rung::Gathered, ..Incident::default() }
     }
 
     /// Places of a point's surface, evenly over the pixel: at least the one that stands for it.
