@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use glam::{UVec2, Vec3, Vec3A};
-use integrator::{Explanation, PixelEstimate, PointExplanation, RecordFacts, Settings, Step, Verdict};
+use integrator::{Explanation, IrradianceFacts, PixelEstimate, PointExplanation, RecordFacts, Settings, Step, Verdict};
 use scene::{Material, Scene};
 
 use crate::failure::{Failure, note, print};
@@ -159,7 +159,10 @@ fn explain_point(text: &mut String, number: usize, point: &PointExplanation, mat
 fn explain_step(text: &mut String, step: &Step) {
     match step {
         Step::Interpolated { records } => {
-            row(text, 1, "interpolated", &format!("{records} records of irradiance reach it"));
+            row(text, 1, "interpolated", &format!("{} records of irradiance reach it", records.len()));
+            for record in records {
+                row(text, 2, "record", &irradiance_words(record));
+            }
         }
         Step::NoRecord => row(text, 1, "asked", "no record reaches it"),
         Step::Refused { record, verdict } => {
@@ -206,6 +209,17 @@ fn record_words(record: &RecordFacts) -> String {
         record.radius,
         record.elements,
         record.layers
+    )
+}
+
+fn irradiance_words(record: &IrradianceFacts) -> String {
+    format!(
+        "{:.0} % by that at {}, {:.3e} m away, reach {:.3e} m: {}",
+        100.0 * record.share,
+        place(record.centre),
+        record.distance,
+        record.reach,
+        rgb(record.radiance)
     )
 }
 

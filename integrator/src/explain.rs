@@ -55,12 +55,12 @@ pub struct PointExplanation {
 }
 
 /// What was done for a point.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Step {
     /// Records of irradiance reach it, and it takes the weighted mean of what they say.
     Interpolated {
-        /// As many as reach it.
-        records: usize,
+        /// Those that reach it, the weightiest first.
+        records: Vec<IrradianceFacts>,
     },
     /// No record serves its place and normal.
     NoRecord,
@@ -100,7 +100,22 @@ pub enum Step {
     },
 }
 
-/// A record, as seen from a point that asks it.
+/// A record of irradiance, as seen from a point that it reaches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IrradianceFacts {
+    /// Where it was made.
+    pub centre: Vec3A,
+    /// Distance of the point from there, metres.
+    pub distance: f32,
+    /// How far it serves where it serves farthest, metres.
+    pub reach: f32,
+    /// Its part in the mean.
+    pub share: f32,
+    /// Mean incident radiance at the point by what it tells, its gradients included, from surfaces and the soft sky.
+    pub radiance: Vec3,
+}
+
+/// A record of radiance, as seen from a point that asks it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordFacts {
     /// Where it was made.
@@ -196,7 +211,7 @@ impl Witness {
                 behind_mirror: point.chain != 0,
                 footprint: point.footprint,
                 diffuse_weight: point.diffuse_weight / pixel.samples as f32,
-                steps: steps.iter().filter(|(key, _)| *key == point.key).map(|&(_, step)| step).collect(),
+                steps: steps.iter().filter(|(key, _)| *key == point.key).map(|(_, step)| step.clone()).collect(),
                 near: value.near,
                 sky: value.sky,
                 glossy: value.glossy,

@@ -31,7 +31,7 @@ mod terms;
 mod walk;
 
 pub use asked_error::{ERROR_RANGE, ErrorEstimate, PixelEstimate, estimate_pixel, render_to_error};
-pub use explain::{Explanation, PointExplanation, RecordFacts, Step, explain};
+pub use explain::{Explanation, IrradianceFacts, PointExplanation, RecordFacts, Step, explain};
 pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};

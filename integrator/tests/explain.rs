@@ -49,7 +49,12 @@ fn stories_of_all_pixels_add_up_to_picture_and_statistics() {
                 let mut steps = point.steps.iter().rev();
                 match steps.clone().find(|step| !is_spread(step)).or(steps.next()) {
                     Some(Step::Spread { .. }) => gathered += 1,
-                    Some(Step::Interpolated { .. }) => interpolated += 1,
+                    Some(Step::Interpolated { records }) => {
+                        interpolated += 1;
+                        let mean: Vec3 = records.iter().map(|record| record.share * record.radiance).sum();
+                        assert!(mean.abs_diff_eq(point.near + point.sky, 1e-5), "{records:?} of {point:?}");
+                        assert!(records.iter().all(|record| record.distance <= record.reach), "{records:?}");
+                    }
                     Some(Step::Reprojected { record, shares, .. }) => {
                         reprojected += 1;
                         assert!(record.distance <= record.radius && record.elements > 0, "within reach: {record:?}");

@@ -12,7 +12,7 @@ use scene::Surface;
 use super::index::Index;
 use super::record::Place;
 use super::recorder::MIN_PIXELS;
-use crate::explain::Step;
+use crate::explain::{IrradianceFacts, Step};
 use crate::lattice::{Lattice, STRIDES};
 use crate::rungs::Rung;
 use crate::secondary::Secondary;
@@ -101,10 +101,10 @@ pub(crate) fn fill<S: Secondary>(
         values.iter().zip(&rungs).filter(|(value, rung)| value.is_none() && !rung.has_looked()).count() as u64;
     let rest = |number: usize| {
         values[number].unwrap_or_else(|| {
-            let light = light(&points[number], &places[number], index);
-            let ([near, sky], records) = light.expect("a point that no record reached has become one");
+            let (point, place) = (&points[number], &places[number]);
+            let [near, sky] = light(point, place, index).expect("a point that no record reached has become one");
             if !rungs[number].has_looked() {
-                term.tell(&points[number], || Step::Interpolated { records });
+                term.tell(point, || Step::Interpolated { records: facts(point, place, index) });
             }
             Incident { near, sky, rung: rungs[number], ..Incident::default() }
         })
@@ -113,9 +113,20 @@ pub(crate) fn fill<S: Secondary>(
 }
 
 /// What records tell of a point in the middle of its samples, or of its own place: where its samples are far apart, its own record may not reach their middle.
-fn light(point: &SurfacePoint, middle: &Place, index: &Index) -> Option<([Vec3; 2], usize)> {
+fn light(point: &SurfacePoint, middle: &Place, index: &Index) -> Option<[Vec3; 2]> {
+    index.interpolate(middle).or_else(|| index.interpolate(&own_place(point, middle)))
+}
+
+/// The records that tell it.
+fn facts(point: &SurfacePoint, middle: &Place, index: &Index) -> Vec<IrradianceFacts> {
+    let found = index.facts(middle);
+    if found.is_empty() { index.facts(&own_place(point, middle)) } else { found }
+}
+
+/// The place of the sample that stands for a point.
+fn own_place(point: &SurfacePoint, middle: &Place) -> Place {
     let Surface { p, n, .. } = point.shading.surface;
-    index.interpolate(middle).or_else(|| index.interpolate(&Place { p, n, ..*middle }))
+    Place { p, n, ..*middle }
 }
 
 /// Whether a point that is seen directly and needs no texture is so long that a record at its middle cannot reach its ends, however evenly it is lit.
@@ -161,7 +172,7 @@ fn is_wide<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middl
     if term.plan.gaps && lowest < half && lowest < GAP * highest {
         return true;
     }
-    let light = |place: &Place| index.interpolate(place).map(|([near, sky], _)| luminance(near + sky));
+    let light = |place: &Place| index.interpolate(place).map(|[near, sky]| luminance(near + sky));
     let (darkest, brightest, count) = range(places.iter().filter_map(light));
     count < 2 || darkest < (1.0 - CHANGE) * brightest
 }

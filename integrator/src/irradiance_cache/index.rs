@@ -4,6 +4,7 @@ use glam::{Vec3, Vec3A};
 use radcache::BallGrid;
 
 use super::record::{MIN_NORMAL_COS, Place, Record};
+use crate::explain::IrradianceFacts;
 
 /// Records of irradiance and where they reach. They are entered one after another, and all answers depend on that order alone.
 #[derive(Debug, Default)]
@@ -79,24 +80,41 @@ impl Index {
     }
 
     /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
-    /// of the soft sky; and how many these records are. `None` where there is none.
-    pub(crate) fn interpolate(&self, place: &Place) -> Option<([Vec3; 2], usize)> {
+    /// of the soft sky. `None` where there is none.
+    pub(crate) fn interpolate(&self, place: &Place) -> Option<[Vec3; 2]> {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
-        let mut count = 0;
-        for record in self.near(place) {
-            let distance = record.distance(place);
-            if distance < 1.0 {
-                let weight = 1.0 - distance;
-                let light = record.light(place.p, place.n);
-                total += weight;
-                count += 1;
-                sum[0] += weight * light[0];
-                sum[1] += weight * light[1];
-            }
+        for (record, weight) in self.reaching(place) {
+            let light = record.light(place.p, place.n);
+            total += weight;
+            sum[0] += weight * light[0];
+            sum[1] += weight * light[1];
         }
         // Where gradients overshoot, in the darkest corners, light is not negative.
-        (total > 0.0).then(|| (sum.map(|part| (part / total).max(Vec3::ZERO)), count))
+        (total > 0.0).then(|| sum.map(|part| (part / total).max(Vec3::ZERO)))
+    }
+
+    /// The records by which [`Self::interpolate`] finds the light at a place, those that weigh most first.
+    pub(crate) fn facts(&self, place: &Place) -> Vec<IrradianceFacts> {
+        let total: f32 = self.reaching(place).map(|(_, weight)| weight).sum();
+        let fact = |(record, weight): (&Record, f32)| IrradianceFacts {
+            centre: record.centre(),
+            distance: record.centre().distance(place.p),
+            reach: record.reach(),
+            share: weight / total,
+            radiance: record.light(place.p, place.n).into_iter().sum(),
+        };
+        let mut facts: Vec<IrradianceFacts> = self.reaching(place).map(fact).collect();
+        facts.sort_by(|a, b| b.share.total_cmp(&a.share));
+        facts
+    }
+
+    /// The records that reach a place, and what they weigh there.
+    fn reaching(&self, place: &Place) -> impl Iterator<Item = (&Record, f32)> {
+        self.near(place).filter_map(|record| {
+            let distance = record.distance(place);
+            (distance < 1.0).then_some((record, 1.0 - distance))
+        })
     }
 
     /// Number of records.
@@ -171,7 +189,7 @@ mod tests {
                 let naive: f32 = weights.iter().zip(&records).map(|(w, r)| w * r.light(p, n)[0].x).sum::<f32>() / total;
                 let found = index.interpolate(&place);
                 prop_assert_eq!(found.is_some(), total > 0.0);
-                if let Some(([near, _], _)) = found {
+                if let Some([near, _]) = found {
                     // The sums run in another order: rounding of f32.
                     prop_assert!((near.x - naive).abs() <= 1e-5 * naive, "{} instead of {naive}", near.x);
                 }
