@@ -125,10 +125,11 @@ fn explain_error(text: &mut String, sum: Vec3, estimate: &PixelEstimate) {
     );
     row(text, 0, "paths", &reference);
     let error = format!(
-        "{:.2} % is exceeded by one such pixel of 20: noise {:.2} %, bias {:.2} %",
+        "{:.2} % is exceeded by one such pixel of 20: noise {:.2} %, bias {:.2} % (of which noise of its paths can feign {:.2} %)",
         percent(estimate.error),
         percent(estimate.noise),
-        percent(estimate.bias)
+        percent(estimate.bias),
+        percent(estimate.bias_noise)
     );
     row(text, 0, "error", &error);
 }

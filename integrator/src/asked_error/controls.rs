@@ -70,11 +70,11 @@ impl Controls {
         }
     }
 
-    /// The mean square of the picture's relative bias: what the difference from the paths has beyond the noise of both. Pixels where that noise is large
-    /// beside the error asked for count little.
-    pub(super) fn bias_sq(&self, measure: &Measure, asked: f32) -> f32 {
+    /// The mean square of the picture's relative bias: what the difference from the paths has beyond the noise of both; and the standard error of that.
+    /// Pixels where that noise is large beside the error asked for count little.
+    pub(super) fn bias_sq(&self, measure: &Measure, asked: f32) -> [f32; 2] {
         let groups = self.groups as f64;
-        let (mut sum, mut total) = (0.0, 0.0);
+        let (mut sum, mut total, mut variance) = (0.0, 0.0, 0.0);
         for control in &self.pixels {
             let pixel = (control.position.y * measure.size.x + control.position.x) as usize;
             let scale_sq = f64::from(measure.scale[pixel]).powi(2);
@@ -85,10 +85,11 @@ impl Controls {
             let weight = (noise + f64::from(0.25 * asked * asked)).powi(-2);
             sum += weight * (difference_sq - noise);
             total += weight;
+            // As if the noise were normal.
+            variance += 2.0 * (weight * noise).powi(2);
         }
         #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
-        let bias_sq = (sum / total).max(0.0) as f32;
-        bias_sq
+        [(sum / total).max(0.0), variance.sqrt() / total].map(|square| square as f32)
     }
 }
 

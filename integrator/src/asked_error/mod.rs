@@ -113,7 +113,7 @@ pub fn render_to_error(
         if settings.method != Method::Path {
             bias_sq = statistics.time("verify", |statistics| {
                 controls.trace(scene, settings.size, &mut statistics.rays);
-                controls.bias_sq(&measure, error)
+                controls.bias_sq(&measure, error)[0]
             });
         }
         let estimate = measure.estimate(bias_sq, error, passes.count);

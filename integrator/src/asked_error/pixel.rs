@@ -26,6 +26,8 @@ pub struct PixelEstimate {
     pub noise: f32,
     /// Root mean square of the bias, as paths through 256 pixels of the whole picture found it; 0 for [`Method::Path`], which has none.
     pub bias: f32,
+    /// What the noise of those paths can feign: the root of the standard error of the square of [`Self::bias`].
+    pub bias_noise: f32,
     /// The radiance to which errors are relative, W m^-2 sr^-1: sqrt(m^2 + 0.01 (b / 0.8)^2), for the pixel's radiance m and the 90th percentile b of the picture.
     pub scale: f32,
     /// The pixel's radiance by paths, W m^-2 sr^-1.
@@ -83,13 +85,13 @@ pub fn estimate_pixel(
     let mut statistics = Statistics::default();
     passes.add_round(scene, &pass, quality, &mut statistics, progress)?;
     let measure = passes.measure();
-    let mut bias_sq = 0.0;
+    let [mut bias_sq, mut bias_noise_sq] = [0.0; 2];
     if settings.method != Method::Path {
         let mut controls = Controls::new(settings);
         controls.trace(scene, size, &mut statistics.rays);
         // Pixels that are much noisier than others say little of the bias.
         let noise = measure.estimate(0.0, 1.0, passes.count).excess(1.0);
-        bias_sq = controls.bias_sq(&measure, noise);
+        [bias_sq, bias_noise_sq] = controls.bias_sq(&measure, noise);
     }
     let number = pixel.y as usize * size.x as usize + pixel.x as usize;
     let scale = measure.scale[number];
@@ -98,6 +100,7 @@ pub fn estimate_pixel(
         error: measure.estimate(bias_sq, 1.0, passes.count).relative[number],
         noise: measure.around(number).sqrt(),
         bias: bias_sq.sqrt(),
+        bias_noise: bias_noise_sq.sqrt(),
         scale,
         reference,
         reference_noise: reference_noise / scale,
