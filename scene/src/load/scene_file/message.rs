@@ -25,12 +25,31 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
     if message.contains("duplicate key") {
         return place.invalid(format!("duplicate key {}", quoted(named)), "keep one");
     }
+    if let Some((written, wanted)) = brackets(&message, text, start) {
+        return place.invalid(format!("{written} is the wrong kind of table"), format!("write {wanted}"));
+    }
     // Our own types say what to do; the library does not.
     let (what, advice) = message.split_once("; ").unwrap_or((&message, "see docs/scene-format.md for what is allowed"));
     match field_at(text, start) {
         Some(field) => place.invalid(format!("{field}: {what}"), advice),
         None => place.invalid(what, advice),
     }
+}
+
+/// The header of a table in the line of the byte `start`, and the same with as many brackets as it should have: where a table is in the place of a list of
+/// tables, or such a list in that of a table, whose fields it then seems to give in order.
+fn brackets(message: &str, text: &str, start: usize) -> Option<(String, String)> {
+    let line = text.lines().nth(line_at(text, start) - 1)?.trim_start();
+    let name = |opening: &str, closing: &str| {
+        let (name, _) = line.strip_prefix(opening)?.split_once(closing)?;
+        Some(name.trim().to_owned())
+    };
+    let expected = message.strip_prefix("invalid type: map, expected ")?;
+    if let Some(name) = name("[[", "]]") {
+        return Some((format!("[[{name}]]"), format!("[{name}], for there is one at most")));
+    }
+    let name = name("[", "]").filter(|_| expected == "a sequence")?;
+    Some((format!("[{name}]"), format!("[[{name}]], for there may be several")))
 }
 
 /// The number of the line, from 1, that holds the byte `start`.
@@ -78,6 +97,20 @@ mod tests {
         );
         assert_eq!(unknown("unknown field `b`, expected `a`"), Some(("b", vec!["a"])), "one field");
         assert_eq!(unknown("missing field `a`"), None, "another message");
+    }
+
+    #[test]
+    fn brackets_are_counted() {
+        let text = "version = 1\n[mesh]\n[[camera]]\na = 1";
+        let at = |words| text.find(words).unwrap();
+        let of = |written: &str, wanted: &str| Some((written.to_owned(), wanted.to_owned()));
+        let sequence = "invalid type: map, expected a sequence";
+        assert_eq!(brackets(sequence, text, at("[mesh]")), of("[mesh]", "[[mesh]], for there may be several"), "few");
+        let number = "invalid type: map, expected a number";
+        assert_eq!(brackets(number, text, at("[[")), of("[[camera]]", "[camera], for there is one at most"), "many");
+        assert_eq!(brackets(number, text, at("[mesh]")), None, "a table where a number should be");
+        assert_eq!(brackets("missing field `a`", text, at("[[")), None, "another message");
+        assert_eq!(brackets(sequence, text, at("a = 1")), None, "a value");
     }
 
     #[test]

@@ -152,7 +152,7 @@ numbers! {
     /// A factor for light.
     Factor(f32) = |n| n.array::<1>(0.0, 1e30).map(|[x]| single(x));
     /// An exposure, in stops.
-    Exposure(f32) = |n| n.array::<1>(-100.0, 100.0).map(|[x]| single(x));
+    Exposure(f32) = |n| n.array::<1>(-64.0, 64.0).map(|[x]| single(x));
     /// A quality.
     Quality(f32) = |n| n.array::<1>(1e-3, 1e3).map(|[x]| single(x));
     /// Samples a pixel.
