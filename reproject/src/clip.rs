@@ -98,6 +98,18 @@ mod tests {
     }
 
     #[test]
+    fn edges_are_cut_where_they_cross_either_way() {
+        let [a, b] = [Vec3A::new(2.0, 0.0, 1.0), Vec3A::new(0.0, 2.0, -1.0)];
+        let [c, d] = [Vec3A::new(-2.0, -1.0, -3.0), Vec3A::new(0.0, -2.0, 1.0)];
+        let mut polygon = [Vec2::ZERO; MAX_CLIPPED];
+        let count = clip_at_horizon(&[a, b, c, d], &mut polygon);
+        let expected = [a, Vec3A::new(1.0, 1.0, 0.0), Vec3A::new(-0.5, -1.75, 0.0), d].map(direction_to_square);
+        let is_near = |(found, expected): (&Vec2, &Vec2)| found.distance(*expected) < 1e-6;
+        assert!(polygon[..count].iter().zip(&expected).all(is_near), "{:?} for {expected:?}", &polygon[..count]);
+        assert_eq!(count, expected.len());
+    }
+
+    #[test]
     fn what_is_wholly_above_or_below_is_kept_or_dropped() {
         let quad = [Vec3A::new(1.0, 0.0, 1.0), Vec3A::new(1.0, 1.0, 1.0), Vec3A::new(0.0, 1.0, 1.0), Vec3A::Z];
         let mut polygon = [Vec2::ZERO; MAX_CLIPPED];

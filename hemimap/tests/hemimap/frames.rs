@@ -75,6 +75,34 @@ fn transport_is_the_shortest_rotation() {
     }
 }
 
+/// The same in f64, where the arc is known in closed form: a turn by pi - `rest` about a x `way`.
+#[test]
+fn double_transport_is_the_shortest_rotation() {
+    let mut random = Random(6);
+    for rest in [1e-12, 1e-7, 1e-3, 1.0, 2.0, 3.0f64] {
+        for _ in 0..10_000 {
+            let a = random.direction();
+            let way = a.cross(random.direction()).normalize();
+            let frame = double::Frame::from_normal(a);
+            let moved = frame.transported_to(way * rest.sin() - a * rest.cos());
+            let (axis, turned) = (a.cross(way), way * rest.cos() + a * rest.sin());
+            let off = (axis * axis.dot(frame.s) - turned * way.dot(frame.s) - moved.s).length();
+            assert!(off <= 4e-15 / rest.min(1.0), "{a}, {rest}: {off:e}");
+        }
+    }
+}
+
+/// The last sum of normals that still has a direction turns the tangent along it round; a new frame would not.
+#[test]
+fn transport_rotates_down_to_its_bound() {
+    let n = Vec3A::new(16.0 * f32::EPSILON, 0.0, -1.0);
+    assert_eq!(Frame::from_normal(Vec3A::Z).transported_to(n).s.x, -1.0, "f32");
+    assert_eq!(Frame::from_normal(n).s.x, 1.0, "f32, a new frame");
+    let n = DVec3::new(16.0 * f64::EPSILON, 0.0, -1.0);
+    assert_eq!(double::Frame::from_normal(DVec3::Z).transported_to(n).s.x, -1.0, "f64");
+    assert_eq!(double::Frame::from_normal(n).s.x, 1.0, "f64, a new frame");
+}
+
 #[test]
 fn transport_near_the_opposite_normal_stays_a_frame() {
     let mut random = Random(5);

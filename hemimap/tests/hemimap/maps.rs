@@ -134,6 +134,7 @@ fn density_is_cosine_over_pi() {
     assert!((square_to_uniform_hemisphere_pdf(z(0.3)) - 0.159_154_94).abs() < 1e-7, "uniform");
     assert_eq!(square_to_uniform_hemisphere_pdf(z(-0.3)), 0.0, "uniform, below");
     assert_eq!(double::square_to_uniform_hemisphere_pdf(DVec3::NEG_Z), 0.0, "uniform, below");
+    assert!((double::square_to_uniform_hemisphere_pdf(DVec3::Z) * 2.0 * PI - 1.0).abs() < 1e-15, "uniform, f64");
 }
 
 #[test]

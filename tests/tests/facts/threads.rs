@@ -23,6 +23,7 @@ fn picture_does_not_depend_on_the_threads() {
             size: UVec2::new(37, 23),
             spp: Some(4),
             quality: 0.02,
+            rungs: true,
             seed: 5,
         };
         let with_threads = |threads| -> Rendering {
