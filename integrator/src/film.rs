@@ -53,7 +53,7 @@ impl Terms {
 /// What is known of the first surface that a primary ray meets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstHit {
-    /// Share of light that the surface reflects, in [0, 1]: see [`guide_albedo`].
+    /// Share of light that the surface reflects, in [0, 1]: diffuse albedo and the reflectance of gloss, 1 for mirrors and glass.
     pub albedo: Vec3,
     /// Shading normal, world space.
     pub normal: Vec3A,
@@ -63,7 +63,7 @@ pub struct FirstHit {
 
 /// Returns the colour that a denoiser is given for a surface: diffuse albedo and the reflectance of gloss, 1 for mirrors and glass.
 #[must_use]
-pub fn guide_albedo(bsdf: &Bsdf) -> Vec3 {
+pub(crate) fn guide_albedo(bsdf: &Bsdf) -> Vec3 {
     match bsdf.specular {
         Specular::Mirror { .. } | Specular::Dielectric { .. } => Vec3::ONE,
         Specular::Ggx { reflectance, .. } => (bsdf.diffuse + reflectance).clamp(Vec3::ZERO, Vec3::ONE),
@@ -73,22 +73,18 @@ pub fn guide_albedo(bsdf: &Bsdf) -> Vec3 {
 
 /// One finished pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pixel {
-    /// The terms.
-    pub terms: Terms,
-    /// Mean of [`FirstHit::albedo`] over the pixel, 0 where there is no surface.
-    pub albedo: Vec3,
-    /// Mean normal, world space, not made unit; 0 where there is no surface.
-    pub normal: Vec3,
-    /// Mean distance from the eye over the part of the pixel that shows a surface, metres; infinite where there is none.
-    pub depth: f32,
-    /// Share of the pixel that shows a surface, in [0, 1].
-    pub alpha: f32,
+pub(crate) struct Pixel {
+    pub(crate) terms: Terms,
+    /// As in [`Film`], the others too.
+    pub(crate) albedo: Vec3,
+    pub(crate) normal: Vec3,
+    pub(crate) depth: f32,
+    pub(crate) alpha: f32,
 }
 
 /// The samples of one pixel, summed in f64.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct PixelSum {
+pub(crate) struct PixelSum {
     terms: [DVec3; 5],
     albedo: DVec3,
     normal: DVec3,
@@ -98,7 +94,7 @@ pub struct PixelSum {
 
 impl PixelSum {
     /// Adds a sample's light.
-    pub fn add_terms(&mut self, terms: &Terms) {
+    pub(crate) fn add_terms(&mut self, terms: &Terms) {
         let values = [terms.emitted, terms.direct, terms.specular, terms.caustic, terms.indirect];
         for (sum, value) in self.terms.iter_mut().zip(values) {
             *sum += value.as_dvec3();
@@ -106,7 +102,7 @@ impl PixelSum {
     }
 
     /// Adds the surface that a sample met.
-    pub fn add_hit(&mut self, hit: &FirstHit) {
+    pub(crate) fn add_hit(&mut self, hit: &FirstHit) {
         self.albedo += hit.albedo.as_dvec3();
         self.normal += hit.normal.as_dvec3();
         self.depth += f64::from(hit.depth);
@@ -115,7 +111,7 @@ impl PixelSum {
 
     /// Returns the mean over so many samples, those that met nothing included.
     #[must_use]
-    pub fn mean(&self, samples: u32) -> Pixel {
+    pub(crate) fn mean(&self, samples: u32) -> Pixel {
         let scale = 1.0 / f64::from(samples);
         let [emitted, direct, specular, caustic, indirect] = self.terms.map(|sum| (sum * scale).as_vec3());
         #[expect(clippy::cast_possible_truncation, reason = "the film is f32")]
@@ -145,13 +141,13 @@ pub struct Film {
     pub caustic: Vec<Vec3>,
     /// See [`Terms::indirect`].
     pub indirect: Vec<Vec3>,
-    /// See [`Pixel::albedo`].
+    /// Mean of [`FirstHit::albedo`] over the pixel, 0 where there is no surface.
     pub albedo: Vec<Vec3>,
-    /// See [`Pixel::normal`].
+    /// Mean normal over the pixel, world space, not made unit; 0 where there is no surface.
     pub normal: Vec<Vec3>,
-    /// See [`Pixel::depth`].
+    /// Mean distance from the eye over the part of the pixel that shows a surface, metres; infinite where there is none.
     pub depth: Vec<f32>,
-    /// See [`Pixel::alpha`].
+    /// Share of the pixel that shows a surface, in [0, 1].
     pub alpha: Vec<f32>,
     /// How each pixel got its indirect light, where [`Settings::rungs`](crate::Settings::rungs) asks for it; never by
     /// [`Method::Path`](crate::Method::Path).
@@ -160,9 +156,9 @@ pub struct Film {
 
 /// Some whole rows of a [`Film`], to be filled by one thread.
 #[derive(Debug)]
-pub struct Band<'a> {
+pub(crate) struct Band<'a> {
     /// Its first row in the film.
-    pub first_row: u32,
+    pub(crate) first_row: u32,
     width: u32,
     emitted: &'a mut [Vec3],
     direct: &'a mut [Vec3],
@@ -270,7 +266,7 @@ impl Film {
     ///
     /// When `rows` is 0.
     #[must_use]
-    pub fn bands_mut(&mut self, rows: u32) -> Vec<Band<'_>> {
+    pub(crate) fn bands_mut(&mut self, rows: u32) -> Vec<Band<'_>> {
         assert!(rows > 0, "a band has at least one row");
         let width = self.size.x;
         let length = (rows as usize * width as usize).max(1);
@@ -315,13 +311,13 @@ impl Film {
 impl Band<'_> {
     /// Returns the number of its pixels.
     #[must_use]
-    pub fn pixel_count(&self) -> usize {
+    pub(crate) fn pixel_count(&self) -> usize {
         self.depth.len()
     }
 
     /// Returns the film coordinates of the upper left corner of its pixel number `index`.
     #[must_use]
-    pub fn position(&self, index: usize) -> UVec2 {
+    pub(crate) fn position(&self, index: usize) -> UVec2 {
         #[expect(clippy::cast_possible_truncation, reason = "a film has at most 2^28 pixels")]
         let index = index as u32;
         UVec2::new(index % self.width, self.first_row + index / self.width)
@@ -329,7 +325,7 @@ impl Band<'_> {
 
     /// Returns the number in the whole film of its pixel number `index`.
     #[must_use]
-    pub fn film_index(&self, index: usize) -> usize {
+    pub(crate) fn film_index(&self, index: usize) -> usize {
         self.first_row as usize * self.width as usize + index
     }
 
@@ -338,7 +334,7 @@ impl Band<'_> {
     /// # Panics
     ///
     /// When `index` is not below [`Band::pixel_count`].
-    pub fn set(&mut self, index: usize, pixel: &Pixel) {
+    pub(crate) fn set(&mut self, index: usize, pixel: &Pixel) {
         self.emitted[index] = pixel.terms.emitted;
         self.direct[index] = pixel.terms.direct;
         self.specular[index] = pixel.terms.specular;

@@ -32,7 +32,7 @@ mod walk;
 
 pub use asked_error::{ERROR_RANGE, ErrorEstimate, PixelEstimate, estimate_pixel, render_to_error};
 pub use explain::{Explanation, IrradianceFacts, PointExplanation, RecordFacts, Step, explain};
-pub use film::{Band, Film, FirstHit, Pixel, PixelSum, Terms, guide_albedo};
+pub use film::{Film, FirstHit, Terms};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};
 pub use render::{Rendering, render, render_with};
@@ -41,6 +41,5 @@ pub use rungs::Rungs;
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};
 pub use settings::{MAX_PIXELS, MAX_SIDE, MAX_SPP, Method, QUALITY_RANGE, SecondaryKind, Settings, SettingsError};
-pub use sky::SkySplit;
 pub use statistics::{Memory, Phase, Progress, RayCounts, Statistics};
 pub use study::{Study, StudyError};

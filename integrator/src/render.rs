@@ -8,9 +8,10 @@ use crate::caustic_need::CausticNeed;
 use crate::cells::{CellBuilder, CellSource, Cells};
 use crate::explain::Witness;
 use crate::plan::{CausticBudget, Plan};
+use crate::sky::SkySplit;
 use crate::{
     Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, Secondary, SecondaryKind, Settings,
-    SettingsError, SkySplit, Statistics, four_terms, hash_pair, path,
+    SettingsError, Statistics, four_terms, hash_pair, path,
 };
 
 /// A finished picture and what it took.

@@ -14,7 +14,7 @@ use scene::{Lights, Scene};
 
 /// The cut between the soft and the hard part of the surroundings.
 #[derive(Debug)]
-pub struct SkySplit {
+pub(crate) struct SkySplit {
     /// Luminance above which light is hard, W m^-2 sr^-1.
     threshold: f32,
     /// The lights of the scene with the surroundings sampled by their hard part alone.
@@ -26,8 +26,7 @@ impl SkySplit {
     ///
     /// T is four times the power mean of exponent 1/2 of the luminance over the sphere: peaks hardly raise it, and black parts do
     /// not bring it to zero as they would a median.
-    #[must_use]
-    pub fn new(scene: &Scene) -> Option<Self> {
+    pub(crate) fn new(scene: &Scene) -> Option<Self> {
         const SIDE: usize = 64;
         const FACTOR: f64 = 4.0;
         let mut sum = 0.0;
@@ -49,20 +48,17 @@ impl SkySplit {
     }
 
     /// The lights that are left when textures carry the soft part.
-    #[must_use]
-    pub fn lights(&self) -> &Lights {
+    pub(crate) fn lights(&self) -> &Lights {
         &self.lights
     }
 
     /// The part of the radiance that textures carry.
-    #[must_use]
-    pub fn soft(&self, radiance: Vec3) -> Vec3 {
+    pub(crate) fn soft(&self, radiance: Vec3) -> Vec3 {
         soft(radiance, self.threshold)
     }
 
     /// The rest, for light sampling.
-    #[must_use]
-    pub fn hard(&self, radiance: Vec3) -> Vec3 {
+    pub(crate) fn hard(&self, radiance: Vec3) -> Vec3 {
         radiance - self.soft(radiance)
     }
 }
