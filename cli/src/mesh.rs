@@ -36,8 +36,9 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::Input(format!("{}: its suffix must be .obj", args.out.display())));
     }
     files::check_writable(&args.out)?;
-    files::check_apart(&[&args.out], &[&args.scene])?;
+    files::check_apart(&[&args.out], &[args.scene.as_path()])?;
     let loaded = scene::load(&args.scene, &LoadOptions::default()).map_err(Failure::input)?;
+    files::check_apart(&[&args.out], &loaded.files)?;
     for warning in &loaded.warnings {
         note(&format!("warning: {warning}"));
     }

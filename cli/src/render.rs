@@ -73,8 +73,7 @@ impl RenderArgs {
             [] => ["freelux.exr", "freelux.png"].map(|name| name.parse().expect("a known suffix")).to_vec(),
             given => given.to_vec(),
         };
-        let stats = self.stats.as_deref().filter(|path| *path != Path::new("-"));
-        let written: Vec<&Path> = outputs.iter().map(|output| output.path.as_path()).chain(stats).collect();
+        let written = self.written(&outputs);
         for path in &written {
             files::check_writable(path)?;
         }
@@ -83,11 +82,18 @@ impl RenderArgs {
         Ok(outputs)
     }
 
+    /// All files that will be written.
+    fn written<'a>(&'a self, outputs: &'a [Output]) -> Vec<&'a Path> {
+        let stats = self.stats.as_deref().filter(|path| *path != Path::new("-"));
+        outputs.iter().map(|output| output.path.as_path()).chain(stats).collect()
+    }
+
     fn render(&self, outputs: &[Output]) -> Result<(), Failure> {
         let reporter = Reporter::new(self.quiet);
         let name = self.scene.as_ref().map_or(DEFAULT_NAME.to_owned(), |path| path.display().to_string());
         let start = Instant::now();
         let loaded = self.view.load(self.scene.as_deref())?;
+        files::check_apart(&self.written(outputs), &loaded.files)?;
         let load_seconds = start.elapsed().as_secs_f64();
 
         let start = Instant::now();

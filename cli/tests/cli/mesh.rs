@@ -31,6 +31,19 @@ fn forms_become_a_file_that_is_read_again() {
 }
 
 #[test]
+fn files_that_a_scene_names_are_not_replaced() {
+    let folder = folder();
+    let square = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    fs::write(folder.path().join("m.obj"), square).unwrap();
+    fs::write(folder.path().join("a.toml"), format!("{BALLS}\n[[mesh]]\nfile = \"m.obj\"\n")).unwrap();
+    for words in ["mesh a.toml --cell 0.1 --out m.obj", "render a.toml --size 2x2 --out b.png --stats m.obj"] {
+        freelux_words(folder.path(), words).expect_refused(2, "m.obj: would replace what is read");
+        assert_eq!(names(folder.path()), ["a.toml", "m.obj"], "nothing is written");
+        assert_eq!(fs::read_to_string(folder.path().join("m.obj")).unwrap(), square, "nor changed");
+    }
+}
+
+#[test]
 fn what_has_no_mesh_is_refused() {
     let folder = folder();
     let endless = "[[form]]\nname = \"rod\"\nquadric.cylinder = { point = [0, 0, 0], axis = [0, 1, 0], radius = 1 }\n";

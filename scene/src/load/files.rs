@@ -1,5 +1,6 @@
 //! Where files come from: the disk, or a list of names and bytes built into the program.
 
+use std::cell::RefCell;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -10,8 +11,8 @@ use super::limits;
 /// A source of files.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Files<'a> {
-    /// The file system.
-    Disk,
+    /// The file system, and the paths of all files that were opened.
+    Disk(&'a RefCell<Vec<PathBuf>>),
     /// Names and contents; nothing else can be reached.
     Embedded(&'a [(&'a str, &'a [u8])]),
 }
@@ -25,7 +26,7 @@ impl<'a> Files<'a> {
         limit: u64,
     ) -> Result<(Box<dyn BufRead + 'a>, u64), LoadError> {
         let (reader, size): (Box<dyn BufRead + 'a>, u64) = match self {
-            Self::Disk => {
+            Self::Disk(opened) => {
                 let failed = |error| cannot_open(place, path, &error);
                 // The kind is asked before opening: opening a pipe would wait for its writer.
                 let metadata = fs::metadata(path).map_err(failed)?;
@@ -33,7 +34,9 @@ impl<'a> Files<'a> {
                     let what = format!("{} is not a regular file", shown(place, path));
                     return Err(place.unreadable(what, "name a file, not a folder, pipe or device"));
                 }
-                (Box::new(BufReader::with_capacity(1 << 16, File::open(path).map_err(failed)?)), metadata.len())
+                let file = File::open(path).map_err(failed)?;
+                opened.borrow_mut().push(path.to_owned());
+                (Box::new(BufReader::with_capacity(1 << 16, file)), metadata.len())
             }
             Self::Embedded(list) => {
                 let Some(&(_, bytes)) = list.iter().find(|(name, _)| Path::new(name) == path) else {
@@ -62,7 +65,7 @@ impl<'a> Files<'a> {
     /// Whether there is such a file, of whatever kind.
     pub(super) fn exists(self, path: &Path) -> bool {
         match self {
-            Self::Disk => path.exists(),
+            Self::Disk(_) => path.exists(),
             Self::Embedded(list) => list.iter().any(|(name, _)| Path::new(name) == path),
         }
     }
@@ -83,7 +86,7 @@ impl<'a> Files<'a> {
     /// A path that is the same for all names of one file, for caches and cycles.
     pub(super) fn identity(self, path: &Path) -> PathBuf {
         match self {
-            Self::Disk => fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()),
+            Self::Disk(_) => fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()),
             Self::Embedded(_) => path.to_owned(),
         }
     }

@@ -75,7 +75,7 @@ impl<'a> Loader<'a> {
         if let Some(environment) = description.environment.take() {
             description.environment = Some(scaled(environment, environment_scale, place)?);
         }
-        Ok(Loaded { description: self.description, settings, warnings: self.warnings.into_lines() })
+        Ok(Loaded { description: self.description, settings, warnings: self.warnings.into_lines(), files: Vec::new() })
     }
 
     /// Adds a material; returns its index.

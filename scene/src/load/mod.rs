@@ -17,6 +17,7 @@ mod polygon;
 mod scene_file;
 mod warnings;
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use glam::UVec2;
@@ -53,6 +54,8 @@ pub struct Loaded {
     pub settings: FileSettings,
     /// What was left out or mended, one line each.
     pub warnings: Vec<String>,
+    /// The files that were read, this one and all that it names, in the order of reading; none that is embedded.
+    pub files: Vec<PathBuf>,
 }
 
 /// What a scene file asks of the picture; the caller's own wishes come first.
@@ -77,7 +80,8 @@ pub struct FileSettings {
 /// # Errors
 /// The first thing wrong in any of its files.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let mut loader = Loader::new(Files::Disk);
+    let opened = RefCell::default();
+    let mut loader = Loader::new(Files::Disk(&opened));
     let place = Place::file(path);
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let settings = match extension.as_str() {
@@ -88,7 +92,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         }
         _ => return Err(place.unsupported("not a scene by its name", "give a .toml or .obj file")),
     };
-    finish(loader, settings, options, place)
+    finish(loader, settings, options, place, &opened)
 }
 
 /// Reads a whole regular file of at most [`limits::FILE_BYTES`].
@@ -103,7 +107,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
 /// assert!(error.to_string().starts_with("no such file: the file cannot be read"));
 /// ```
 pub fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
-    Files::Disk.read(path, Place::file(path), limits::FILE_BYTES)
+    Files::Disk(&RefCell::default()).read(path, Place::file(path), limits::FILE_BYTES)
 }
 
 /// Loads a scene file that is part of the program, with the files it names: `files` holds their names and contents.
@@ -116,7 +120,7 @@ pub fn load_embedded(scene: &str, files: &[(&str, &[u8])], options: &LoadOptions
     all.extend_from_slice(files);
     let mut loader = Loader::new(Files::Embedded(&all));
     let settings = scene_file::read(&mut loader, path)?;
-    finish(loader, settings, options, Place::file(path))
+    finish(loader, settings, options, Place::file(path), &RefCell::default())
 }
 
 /// Adds what the caller does.
@@ -125,10 +129,12 @@ fn finish(
     settings: FileSettings,
     options: &LoadOptions,
     place: Place<'_>,
+    opened: &RefCell<Vec<PathBuf>>,
 ) -> Result<Loaded, LoadError> {
     if let Some(path) = &options.environment {
-        let environment = loader.environment(Files::Disk, path, Place::file(path))?;
+        let environment = loader.environment(Files::Disk(opened), path, Place::file(path))?;
         loader.description.environment = Some(environment);
     }
-    loader.finish(settings, options.environment_scale, place)
+    let loaded = loader.finish(settings, options.environment_scale, place)?;
+    Ok(Loaded { files: opened.take(), ..loaded })
 }

@@ -270,6 +270,9 @@ fn includes_are_merged_and_circles_refused() {
         .collect();
     assert_eq!(red.iter().filter(|&&red| red).count(), 1, "a material of another file");
     assert!(scene.description.camera.is_some(), "the camera of an included file");
+    let mut read: Vec<_> = scene.files.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    read.sort_unstable();
+    assert_eq!(read, ["a.toml", "b.toml", "m.OBJ", "m.obj", "m.toml"], "each file once");
 
     assert_refused(&[("a.toml", b"include = [\"a.toml\"]")], "a.toml:1: ", "includes itself");
     let circle: [(&str, &[u8]); 3] = [
