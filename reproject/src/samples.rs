@@ -79,3 +79,43 @@ impl Workspace {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use radcache::{RecordSettings, Validity};
+
+    proptest! {
+        /// Under a slanting roof, from another place and turned.
+        #[test]
+        fn planes_are_met_where_they_are(
+            e in 0usize..1000, offset in prop::array::uniform3(-0.3f32..0.3), angle in -1f32..1.0, along in prop::array::uniform3(-2f32..2.0),
+        ) {
+            let normal = Vec3A::new(0.36, -0.48, -0.8);
+            let samples = Samples::from_fn(8, |wi| {
+                let distance = normal.z / normal.dot(wi);
+                (Vec3::ONE, if distance > 0.0 { distance.min(9.0) } else { 9.0 }, normal)
+            });
+            let frame = hemimap::Frame::from_normal(Vec3A::Z);
+            let record = Record::new(Vec3A::ZERO, frame, samples, &RecordSettings::default(), &Validity::default());
+            let elements = record.elements();
+            let (e, offset, rotation) = (e % elements.len(), Vec3A::from(offset), Mat3A::from_rotation_y(angle));
+            let plane = Plane::of(elements, e, offset, &rotation);
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k| elements.corner(e, k).as_dvec3());
+            let centre = (a + b + c + d) / 4.0 - offset.as_dvec3();
+            let expected = (c - a).cross(d - b).normalize();
+            let expected = if expected.dot(centre) > 0.0 { -expected } else { expected };
+            let turned = rotation.transpose() * plane.normal;
+            prop_assert!(turned.as_dvec3().distance(expected) < 1e-4, "{} for {}", turned, expected);
+            // A place on the plane, at some distance of the centre across.
+            let across = Vec3A::from(along).as_dvec3();
+            let place = centre + (across - expected * across.dot(expected)) * centre.length();
+            let share = place.length() / centre.length();
+            prop_assume!((share - 0.5).abs() > 1e-3 && (share - 2.0).abs() > 1e-3 && expected.dot(centre).abs() > 0.05);
+            let found = plane.distance(rotation * place.normalize().as_vec3a());
+            let distance = if (0.5..2.0).contains(&share) { place.length() } else { centre.length() };
+            prop_assert!((f64::from(found) / distance - 1.0).abs() < 2e-3, "{} for {}", found, distance);
+        }
+    }
+}

@@ -92,3 +92,101 @@ fn texel_at(place: Vec2, n: usize) -> usize {
     let [i, j] = place.to_array().map(|x| hemimap::texel_index(x, n as u32) as usize);
     j * n + i
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use hemimap::Frame;
+    use proptest::prelude::*;
+    use radcache::{RecordSettings, Samples, Validity};
+
+    use crate::Settings;
+
+    /// What a point under a slanting roof sees, and at the side the sky.
+    fn roof() -> Record {
+        let normal = Vec3A::new(0.36, -0.48, -0.8);
+        let samples = Samples::from_fn(8, |wi| {
+            let distance = normal.z / normal.dot(wi);
+            let is_sky = !(0.0..3.0).contains(&distance);
+            (Vec3::ONE, if is_sky { f32::INFINITY } else { distance }, if is_sky { -wi } else { normal })
+        });
+        Record::new(
+            Vec3A::ZERO,
+            Frame::from_normal(Vec3A::Z),
+            samples,
+            &RecordSettings::default(),
+            &Validity::default(),
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn hits_agree_on_the_plane_of_the_element_or_near_its_centre(
+            e in 0usize..1000, h in -0.5f32..0.5, t in -1f32..1.0, to in prop::array::uniform3(-0.2f32..0.2),
+        ) {
+            let record = roof();
+            let elements = record.elements();
+            let mut workspace = Workspace::new();
+            workspace.project(&record, Vec3A::from(to), Vec3A::Z, &Settings::default());
+            let e = e % elements.len();
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k| elements.corner(e, k).as_dvec3());
+            let wi = (a + b + c + d).normalize().as_vec3a();
+            if elements.finite[e] == 0.0 {
+                prop_assert!(workspace.agrees(&record, e, wi, f32::INFINITY), "the sky is there");
+                prop_assert!(!workspace.agrees(&record, e, wi, 1e6), "something stands before the sky");
+                return Ok(());
+            }
+            prop_assert!(!workspace.agrees(&record, e, wi, f32::INFINITY), "only the sky is there");
+            // A hit beside the centre of the element, by h along its normal and by t across.
+            let (centre, normal) = ((a + b + c + d) / 4.0, (c - a).cross(d - b).normalize());
+            let off = normal * f64::from(h) + normal.any_orthonormal_vector() * f64::from(t);
+            let ray = centre + off - Vec3A::from(to).as_dvec3();
+            let [from_plane, from_centre] = [f64::from(h).abs(), off.length()].map(|off| off / ray.length());
+            prop_assume!((from_plane - 0.1).abs() > 1e-4 && (from_centre - 0.25).abs() > 1e-4);
+            let agrees = workspace.agrees(&record, e, ray.normalize().as_vec3a(), ray.as_vec3a().length());
+            prop_assert_eq!(agrees, from_plane <= 0.1 || from_centre <= 0.25);
+        }
+    }
+
+    /// Answers by what it is told to, and keeps what it was asked.
+    struct Told<F>(F, Vec<Vec3A>);
+
+    impl<F: Fn(Vec3A) -> f32> Tracer for Told<F> {
+        fn trace(&mut self, wi: &[Vec3A], out: &mut [Traced]) {
+            self.1.extend_from_slice(wi);
+            wi.iter().zip(out).for_each(|(wi, out)| out.distance = (self.0)(*wi));
+        }
+    }
+
+    #[test]
+    fn rays_are_stratified_and_compared_with_what_fills_their_own_texel() {
+        // Half a dome, and half of a larger one.
+        let distance = |wi: Vec3A| if wi.x < 0.0 { 1.0 } else { 4.0 };
+        let samples = Samples::from_fn(32, |wi| (Vec3::ONE, distance(wi), -wi));
+        let frame = Frame::from_normal(Vec3A::Z);
+        let record = Record::new(Vec3A::ZERO, frame, samples, &RecordSettings::default(), &Validity::default());
+        let mut workspace = Workspace::new();
+        workspace.project(&record, Vec3A::ZERO, Vec3A::Z, &Settings::default());
+        // Where rays fall in their cells: of 8 x 8 bins, each gets 256 of 16384 on the average, and 16 times the square root of one.
+        let mut bins = [[0u32; 8]; 8];
+        for seed in 0..64 {
+            let mut truth = Told(distance, Vec::new());
+            let found = workspace.verify(&record, 16, seed, &mut truth);
+            assert_eq!(found, Verdict { asked: 256, wrong: 0 }, "everything is there");
+            let lies = workspace.verify(&record, 16, seed, &mut Told(|wi: Vec3A| distance(-wi), Vec::new()));
+            assert_eq!(lies, Verdict { asked: 256, wrong: 256 }, "the sides are exchanged");
+            let half = |wi: Vec3A| if wi.y < 0.0 { 9.0 } else { distance(wi) };
+            let half = workspace.verify(&record, 16, seed, &mut Told(half, Vec::new()));
+            assert_eq!(half, Verdict { asked: 256, wrong: 128 }, "half of the rays end elsewhere");
+            for (cell, wi) in truth.1.into_iter().enumerate() {
+                let place = hemimap::cosine_hemisphere_to_square(wi) * 16.0;
+                let inside = place - Vec2::new((cell % 16) as f32, (cell / 16) as f32);
+                assert!(inside.cmpge(Vec2::splat(-1e-3)).all() && inside.cmple(Vec2::splat(1.001)).all(), "{inside}");
+                bins[texel_at(inside, 8) / 8][texel_at(inside, 8) % 8] += 1;
+            }
+        }
+        let chi_sq: f32 = bins.iter().flatten().map(|&count| (count as f32 - 256.0).powi(2) / 256.0).sum();
+        assert!(chi_sq < 120.0, "63 degrees of freedom: {chi_sq}");
+    }
+}

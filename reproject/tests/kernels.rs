@@ -3,24 +3,9 @@
 mod rooms;
 
 use glam::Vec3A;
-use radcache::{DepthRange, MergeSettings, Record, RecordSettings, Samples, Validity};
-use reproject::{AreaWeights, Coverage, Kernel, Settings, Trails, Workspace};
-use rooms::{Rays, Scene, uniform};
-
-/// Each combination of the settings.
-fn every_setting() -> Vec<Settings> {
-    let mut all = Vec::new();
-    for coverage in [Coverage::Quad, Coverage::Rectangle] {
-        for trails in [Trails::Uncovered, Trails::Silhouettes, Trails::All] {
-            for weights in [AreaWeights::Analytic, AreaWeights::Bits] {
-                for margins in [true, false] {
-                    all.push(Settings { coverage, trails, weights, margins, ..Settings::default() });
-                }
-            }
-        }
-    }
-    all
-}
+use radcache::{Record, RecordSettings};
+use reproject::{Kernel, Settings, Workspace};
+use rooms::{Rays, Scene, every_kind_of_record, every_setting, uniform};
 
 /// All that a reprojection says, in bits.
 #[derive(Debug, PartialEq)]
@@ -62,10 +47,7 @@ fn every_kernel_matches_scalar() {
             for place in 0..4u64 {
                 let random = |k| uniform(1000 * number as u64 + 100 * place + k) - 0.5;
                 let from = Vec3A::new(1.6 * random(0), 1.6 * random(1), -0.999);
-                let mut record = rooms::record(|p, wi| scene.look(p, wi), from, Vec3A::Z, n, &record_settings(place));
-                if place == 3 {
-                    record = with_view_dependence(scene, from, n);
-                }
+                let record = every_kind_of_record(scene, from, n, place);
                 let to = from + Vec3A::new(random(2), random(3), 0.1 * random(4)) * (1.5 * record.radius());
                 let turned = Vec3A::new(random(5), random(6), 1.0).normalize();
                 for [n, ng] in [[Vec3A::Z, Vec3A::Z], [turned, turned], [turned, Vec3A::Z]] {
@@ -82,32 +64,6 @@ fn every_kernel_matches_scalar() {
         }
     }
     assert!(unknown > 10_000, "the cases are not empty: {unknown}");
-}
-
-/// As a renderer makes records; in large elements, of which many are tall or cut by the horizon; and as the paper does.
-fn record_settings(kind: u64) -> RecordSettings {
-    let usual = MergeSettings::default();
-    match kind {
-        0 => RecordSettings::default(),
-        1 => RecordSettings {
-            layers: 1,
-            merge: MergeSettings { max_side: 64, depth: DepthRange::Parallax(10.0), ..usual },
-        },
-        _ => RecordSettings { layers: 32, merge: MergeSettings { depth: DepthRange::Layer, ..usual } },
-    }
-}
-
-/// A record of which every third texel holds for its own place only.
-fn with_view_dependence(scene: &Scene, from: Vec3A, n: usize) -> Record {
-    let frame = hemimap::Frame::from_normal(Vec3A::Z);
-    let mut samples = Samples::from_fn(n, |wi| {
-        let (radiance, distance, normal) = scene.look(from, frame.to_world(wi));
-        (radiance, distance, frame.to_local(normal))
-    });
-    for texel in (0..n * n).step_by(3) {
-        samples.view_dependent[texel] = true;
-    }
-    Record::new(from, frame, samples, &RecordSettings::default(), &Validity::default())
 }
 
 #[test]

@@ -16,23 +16,24 @@ fn unmerged() -> RecordSettings {
 
 #[test]
 fn at_its_own_place_a_record_gives_back_its_samples() {
-    let scene = Scene::clutter(60);
-    let look = |p, wi| scene.look(p, wi);
-    let from = Vec3A::new(0.1, -0.2, -0.999);
-    let record = record_in(look, from, FRAME, 32, &unmerged());
-    let (mut workspace, mut samples) = (Workspace::new(), Samples::new(1));
-    workspace.project(&record, from, Vec3A::Z, &Settings::default());
-    workspace.trace_holes(1, 0, &mut Rays(from, look));
-    workspace.samples(&record, &mut samples);
-    let own = record.samples();
-    assert_eq!(samples.radiance, own.radiance, "radiance");
-    assert_eq!(samples.background_share, own.background_share, "what is infinitely far");
-    // Corners of elements keep to within a tenth of the distances that rays found, which bends elements at edges.
-    let grazing = |texel: usize| own.direction(texel).dot(own.normal[texel].into()).abs() < 0.2;
-    for texel in (0..32 * 32).filter(|&texel| !grazing(texel)) {
-        let (found, known) = (samples.distance[texel], own.distance[texel]);
-        let same = found == known || (found / known - 1.0).abs() < 0.1;
-        assert!(same, "texel {texel} lies at {found} instead of {known}");
+    for scene in [Scene::clutter(60), Scene::yard()] {
+        let look = |p, wi| scene.look(p, wi);
+        let from = Vec3A::new(0.1, -0.2, -0.999);
+        let record = record_in(look, from, FRAME, 32, &unmerged());
+        let (mut workspace, mut samples) = (Workspace::new(), Samples::new(1));
+        workspace.project(&record, from, Vec3A::Z, &Settings::default());
+        workspace.trace_holes(1, 0, &mut Rays(from, look));
+        workspace.samples(&record, &mut samples);
+        let own = record.samples();
+        assert_eq!(samples.radiance, own.radiance, "radiance");
+        assert_eq!(samples.background_share, own.background_share, "what is infinitely far");
+        // Corners of elements keep to within a tenth of the distances that rays found, which bends elements at edges.
+        let grazing = |texel: usize| own.direction(texel).dot(own.normal[texel].into()).abs() < 0.2;
+        for texel in (0..32 * 32).filter(|&texel| !grazing(texel)) {
+            let (found, known) = (samples.distance[texel], own.distance[texel]);
+            let same = found == known || (found / known - 1.0).abs() < 0.1;
+            assert!(same, "texel {texel} lies at {found} instead of {known}");
+        }
     }
 }
 
@@ -54,6 +55,9 @@ fn nothing_is_left_of_what_the_buffer_held() {
     workspace.samples(&record, &mut fresh);
     workspace.samples(&record, &mut used);
     assert_eq!(used, fresh, "rays through the centres of texels, and light that others may take");
+    let usual = Samples::new(16);
+    assert!((0..16 * 16).all(|texel| used.direction(texel) == usual.direction(texel)), "through the centres");
+    assert!(!used.view_dependent.contains(&true), "what others may take");
 }
 
 #[test]

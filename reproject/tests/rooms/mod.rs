@@ -4,8 +4,8 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use radcache::{Record, RecordSettings, Samples, Validity};
-use reproject::{Shares, Traced, Tracer, Workspace};
+use radcache::{DepthRange, MergeSettings, Record, RecordSettings, Samples, Validity};
+use reproject::{AreaWeights, Coverage, Settings, Shares, Traced, Tracer, Trails, Workspace};
 
 /// What a ray sees: radiance, distance (infinite for the surroundings) and normal, all in world space.
 pub type Seen = (Vec3, f32, Vec3A);
@@ -175,6 +175,44 @@ pub fn record(
     settings: &RecordSettings,
 ) -> Record {
     record_in(look, p, Frame::from_normal(normal), n, settings)
+}
+
+/// Number `kind` of the kinds of records: as a renderer makes them; in large elements, of which many are tall or cut by the horizon; as the paper does; and one of which
+/// every third texel holds for its own place only.
+pub fn every_kind_of_record(scene: &Scene, from: Vec3A, n: usize, kind: u64) -> Record {
+    let usual = MergeSettings::default();
+    let settings = match kind % 4 {
+        0 | 3 => RecordSettings::default(),
+        1 => RecordSettings {
+            layers: 1,
+            merge: MergeSettings { max_side: 64, depth: DepthRange::Parallax(10.0), ..usual },
+        },
+        _ => RecordSettings { layers: 32, merge: MergeSettings { depth: DepthRange::Layer, ..usual } },
+    };
+    let frame = Frame::from_normal(Vec3A::Z);
+    let mut samples = Samples::from_fn(n, |wi| {
+        let (radiance, distance, normal) = scene.look(from, frame.to_world(wi));
+        (radiance, distance, frame.to_local(normal))
+    });
+    if kind % 4 == 3 {
+        samples.view_dependent.iter_mut().step_by(3).for_each(|depends| *depends = true);
+    }
+    Record::new(from, frame, samples, &settings, &Validity::default())
+}
+
+/// Each combination of the settings that choose how a record is reprojected.
+pub fn every_setting() -> Vec<Settings> {
+    let mut all = Vec::new();
+    for coverage in [Coverage::Quad, Coverage::Rectangle] {
+        for trails in [Trails::Uncovered, Trails::Silhouettes, Trails::All] {
+            for weights in [AreaWeights::Analytic, AreaWeights::Bits] {
+                for margins in [true, false] {
+                    all.push(Settings { coverage, trails, weights, margins, ..Settings::default() });
+                }
+            }
+        }
+    }
+    all
 }
 
 /// Rays from a point.
