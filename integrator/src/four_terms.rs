@@ -42,14 +42,14 @@ pub(crate) fn render<S: Secondary>(
     statistics.time("direct", |statistics| primary.learn_guides(&mut statistics.rays));
     let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
-        gatherer: Gatherer { scene, secondary, sky, divide: plan.divide, seed: settings.seed ^ GATHER_STREAM },
+        gatherer: Gatherer { scene, secondary, sky, divide: plan.records.divide, seed: settings.seed ^ GATHER_STREAM },
         plan,
-        recorder: has_cache.then(|| Recorder::new(plan)),
+        recorder: has_cache.then(|| Recorder::new(&plan.records)),
         size,
         witness,
     };
-    let mut index = radcache::Index::new(plan.validity(0.0));
-    let mut irradiance = irradiance_cache::Index::new(plan.clamp);
+    let mut index = radcache::Index::new(plan.records.validity(0.0));
+    let mut irradiance = irradiance_cache::Index::new(plan.records.clamp);
     let mut counts = Counts::default();
     let mut samples = 0;
     let rows = (BAND_PIXELS / settings.size.x).max(1);
@@ -148,13 +148,14 @@ fn decide<S: Secondary>(primary: &Primary<'_, S>, rays: &mut RayCounts) -> Decis
         .into_par_iter()
         .map(|(number, position)| {
             let mut pixel = PixelPoints::default();
-            primary.trace(position, number, plan.first_spp, &mut pixel);
+            primary.trace(position, number, plan.samples.first_spp, &mut pixel);
             pixel
         })
         .collect();
     pixels.iter().for_each(|pixel| *rays += pixel.rays);
     let ambient = ambient(&pixels, primary.secondary);
-    let allocation = Allocation::new(block, plan.first_spp, plan.budget, &first_samples(&pixels), ambient);
+    let allocation =
+        Allocation::new(block, plan.samples.first_spp, plan.samples.budget, &first_samples(&pixels), ambient);
     let direct = primary.direct_term();
     let lobes = LobeAllocation::new(&direct, block, &pixels, size, seed, ambient, rays);
     Decisions { ambient, allocation, lobes }
@@ -177,7 +178,7 @@ fn trace_primary<S: Secondary>(
     let Primary { plan, size, seed, .. } = *primary;
     let start = |index: usize| {
         let mut pixel = PixelPoints::default();
-        trace(index, plan.first_spp, &mut pixel);
+        trace(index, plan.samples.first_spp, &mut pixel);
         pixel
     };
     let mut pixels: Vec<PixelPoints> = (0..band.pixel_count()).into_par_iter().map(start).collect();
@@ -185,14 +186,14 @@ fn trace_primary<S: Secondary>(
     let width = size.x as usize;
     let ambient = whole.map_or_else(|| ambient(&pixels, primary.secondary), |whole| whole.ambient);
     let allocation = whole.map_or_else(
-        || Allocation::new((width, pixels.len() / width), plan.first_spp, plan.budget, &first, ambient),
+        || Allocation::new((width, pixels.len() / width), plan.samples.first_spp, plan.samples.budget, &first, ambient),
         |whole| whole.allocation,
     );
     pixels
         .par_iter_mut()
         .zip(allocation.factors(width, &first))
         .enumerate()
-        .for_each(|(index, (pixel, factor))| trace(index, plan.first_spp * factor, pixel));
+        .for_each(|(index, (pixel, factor))| trace(index, plan.samples.first_spp * factor, pixel));
     share_lobes(&primary.direct_term(), &mut pixels, size, seed, ambient, whole.and_then(|whole| whole.lobes));
     pixels
 }

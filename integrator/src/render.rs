@@ -47,12 +47,8 @@ pub(crate) fn render_watched(
     progress: &(dyn Fn(Progress) + Sync),
     witness: Option<&Witness>,
 ) -> Result<Rendering, SettingsError> {
-    settings.validate()?;
-    let start = Instant::now();
-    let mut statistics = Statistics::default();
-    statistics.memory.scene = scene.memory_bytes() as u64;
-    let film = match settings.method {
-        Method::Path => path::render(scene, settings, progress, &mut statistics),
+    measured(scene, settings, |statistics| match settings.method {
+        Method::Path => path::render(scene, settings, progress, statistics),
         Method::Reproject | Method::Gather | Method::CacheOnly => {
             let plan = Plan::new(scene, settings);
             let sky = statistics.time("lights", |_| SkySplit::new(scene));
@@ -64,15 +60,13 @@ pub(crate) fn render_watched(
             statistics.time("photons", |statistics| refine(scene, settings, &plan, &cells, &mut maps, statistics));
             let photons = PhotonSource { maps: &maps, scene };
             if plan.secondary == SecondaryKind::Photons {
-                four_terms::render(scene, settings, &plan, &photons, sky, &mut statistics, progress, witness)
+                four_terms::render(scene, settings, &plan, &photons, sky, statistics, progress, witness)
             } else {
                 let source = CellSource { cells: &cells, photons };
-                four_terms::render(scene, settings, &plan, &source, sky, &mut statistics, progress, witness)
+                four_terms::render(scene, settings, &plan, &source, sky, statistics, progress, witness)
             }
         }
-    };
-    statistics.render_seconds = start.elapsed().as_secs_f64();
-    Ok(Rendering { film, statistics })
+    })
 }
 
 /// As [`render`] by any other method than [`Method::Path`], with the caller's own solution for the light at the surfaces that gather rays meet, such as
@@ -91,13 +85,24 @@ pub fn render_with(
     if settings.method == Method::Path {
         return render(scene, settings, progress);
     }
+    measured(scene, settings, |statistics| {
+        let plan = Plan::new(scene, settings);
+        let sky = statistics.time("lights", |_| SkySplit::new(scene));
+        four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), statistics, progress, None)
+    })
+}
+
+/// Makes a film by settings that hold, and tells what it took.
+fn measured(
+    scene: &Scene,
+    settings: &Settings,
+    make: impl FnOnce(&mut Statistics) -> Film,
+) -> Result<Rendering, SettingsError> {
     settings.validate()?;
     let start = Instant::now();
     let mut statistics = Statistics::default();
     statistics.memory.scene = scene.memory_bytes() as u64;
-    let plan = Plan::new(scene, settings);
-    let sky = SkySplit::new(scene);
-    let film = four_terms::render(scene, settings, &plan, secondary, sky.as_ref(), &mut statistics, progress, None);
+    let film = make(&mut statistics);
     statistics.render_seconds = start.elapsed().as_secs_f64();
     Ok(Rendering { film, statistics })
 }
@@ -134,11 +139,11 @@ fn shoot(scene: &Scene, settings: &Settings, plan: &Plan, progress: &(dyn Fn(Pro
 
 fn photon_settings(settings: &Settings, plan: &Plan) -> PhotonSettings {
     PhotonSettings {
-        global: plan.global_photons > 0,
-        caustic: plan.caustic_photons > 0,
-        count: plan.global_photons,
-        caustic_count: plan.caustic_photons,
-        caustic_neighbours: plan.caustic_neighbours,
+        global: plan.photons.global > 0,
+        caustic: plan.photons.caustic > 0,
+        count: plan.photons.global,
+        caustic_count: plan.photons.caustic,
+        caustic_neighbours: plan.photons.neighbours,
         seed: hash_pair(settings.seed, PHOTON_STREAM),
         ..PhotonSettings::default()
     }
@@ -153,19 +158,19 @@ fn refine(
     maps: &mut PhotonMaps,
     statistics: &mut Statistics,
 ) {
-    if let Some(budget) = plan.caustic_need
+    if let Some(budget) = plan.photons.need
         && maps.has_caustics()
     {
         let Settings { size, seed, .. } = *settings;
         let source = CellSource { cells, photons: PhotonSource { maps, scene } };
         let need = CausticNeed::new(scene, &source, size, budget.side, seed, &mut statistics.rays);
-        let refined = |noise: f32| budget.refined(plan.caustic_photons, plan.caustic_neighbours, noise);
-        if refined(need.most_noise(maps, plan.caustic_neighbours)).0 > plan.caustic_photons {
+        let refined = |noise: f32| budget.refined(plan.photons.caustic, plan.photons.neighbours, noise);
+        if refined(need.most_noise(maps, plan.photons.neighbours)).0 > plan.photons.caustic {
             let photons = photon_settings(settings, plan);
             let twin = maps.caustic_twin(scene, &photons);
             let noise = need.noise(maps, &twin);
             // What was shot already is not thrown away.
-            let both = CausticBudget::times(plan.caustic_photons, plan.caustic_neighbours, 2.0);
+            let both = CausticBudget::times(plan.photons.caustic, plan.photons.neighbours, 2.0);
             let (caustic_count, caustic_neighbours) = refined(noise).max(both);
             maps.join_caustics(twin, scene, &PhotonSettings { caustic_count, caustic_neighbours, ..photons });
         }

@@ -81,6 +81,11 @@ impl Shading {
         wi.dot(self.surface.ng) * wi_local.z > 0.0
     }
 
+    /// The roughness of the glossy lobe, which is about its width in radians; 0 where there is none.
+    pub(crate) fn lobe_alpha(&self) -> f32 {
+        if let Specular::Ggx { alpha, .. } = self.bsdf.specular { alpha } else { 0.0 }
+    }
+
     /// A ray from the surface with a density of cos(theta) / pi; `None` where it would leave on the wrong side.
     pub(crate) fn cosine_ray(&self, u: Vec2) -> Option<Ray> {
         let wi_local = hemimap::square_to_cosine_hemisphere(u);

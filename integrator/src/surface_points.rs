@@ -15,7 +15,6 @@ use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
 use crate::terms::guide::LobeGuide;
 use crate::terms::light_guide::LightGuide;
-use crate::terms::reuse::is_shared;
 
 /// A distinct surface in a pixel: that of its samples which is nearest to the middle of the pixel stands for all.
 #[derive(Debug, Clone, Copy)]
@@ -175,10 +174,10 @@ impl<S: Secondary> Primary<'_, S> {
     /// Learns which of several lights reach what the picture shows, and from where glossy lobes take their light, if there are any.
     pub(crate) fn learn_guides(&mut self, rays: &mut RayCounts) {
         let Self { scene, plan, sky, size, seed, .. } = *self;
-        if plan.light_learners > 0 {
-            self.light_guide = LightGuide::learn(scene, sky, plan.light_learners, size, seed, rays);
+        if plan.samples.light_learners > 0 {
+            self.light_guide = LightGuide::learn(scene, sky, plan.samples.light_learners, size, seed, rays);
         }
-        if self.plan.learners > 0 {
+        if self.plan.lobes.learners > 0 {
             self.guide = LobeGuide::learn(&self.direct_term(), self.size, self.seed, rays);
         }
     }
@@ -253,7 +252,7 @@ impl<S: Secondary> Primary<'_, S> {
         }
         add_emission(terms, bounces, beta * self.scene.emission(&surface));
         if bsdf.has_diffuse() || bsdf.has_glossy() {
-            let shares_lobe = bounces == 0 && is_shared(&shading, self.plan);
+            let shares_lobe = bounces == 0 && self.plan.lobes.shares(&shading);
             // What little light comes by, as by reflection in glass, needs few rays.
             let lobe_share = (!shares_lobe).then(|| beta.max_element() / branch.radiance_scale);
             let (light, variance) = self.direct_term().sample(&shading, position, lobe_share, sampler, &mut found.rays);
@@ -287,7 +286,7 @@ impl<S: Secondary> Primary<'_, S> {
             // Light that the sample itself does not know.
             sample.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
             let point = add_point(&mut found.points, point, length);
-            if self.plan.caustic_photons > 0 && bsdf.has_diffuse() {
+            if self.plan.photons.caustic > 0 && bsdf.has_diffuse() {
                 point.look_for_caustics(self.secondary, &shading.surface);
             }
         }

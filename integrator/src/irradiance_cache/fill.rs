@@ -18,7 +18,6 @@ use crate::rungs::Rung;
 use crate::secondary::Secondary;
 use crate::sky::luminance;
 use crate::surface_points::SurfacePoint;
-use crate::terms::glossy::needs_texture;
 use crate::terms::indirect::{Counts, Incident, IndirectTerm, Look};
 
 /// A point needs no record of its own where one is nearer than this share of its reach. Records overlap so that their weights are not
@@ -50,7 +49,7 @@ pub(crate) fn fill<S: Secondary>(
     counts.rays.hole += values.iter().filter(|value| value.is_none()).count() as u64;
     for stride in STRIDES {
         let level = lattice.level(stride, &values);
-        let takes_texture = |number: &usize| needs_texture(&points[*number].shading, term.plan);
+        let takes_texture = |number: &usize| term.plan.lobes.reads_texture(&points[*number].shading);
         let (textures, others): (Vec<usize>, Vec<usize>) = level.into_iter().partition(takes_texture);
         for (number, look) in ask(textures, stride, counts) {
             values[number] = Some(look.incident);
@@ -132,8 +131,8 @@ fn own_place(point: &SurfacePoint, middle: &Place) -> Place {
 /// Whether a point that is seen directly and needs no texture is so long that a record at its middle cannot reach its ends, however evenly it is lit.
 fn is_beyond_records<S: Secondary>(point: &SurfacePoint, term: &IndirectTerm<'_, S>) -> bool {
     point.chain == 0
-        && point.half_length() > term.plan.max_reach(point.footprint)
-        && !needs_texture(&point.shading, term.plan)
+        && point.half_length() > term.plan.records.max_reach(point.footprint)
+        && !term.plan.lobes.reads_texture(&point.shading)
 }
 
 /// Whether a point that is seen directly may be longer than some record around it tells of, or no record is around it.
@@ -169,7 +168,7 @@ fn is_wide<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middl
     };
     let places = [*middle, end(along), end(-along)];
     let (lowest, highest, _) = range(places.iter().map(|place| place.clearance));
-    if term.plan.gaps && lowest < half && lowest < GAP * highest {
+    if term.plan.records.gaps && lowest < half && lowest < GAP * highest {
         return true;
     }
     let light = |place: &Place| index.interpolate(place).map(|[near, sky]| luminance(near + sky));

@@ -6,15 +6,15 @@ use radcache::Samples;
 
 use super::edges::TexelEdges;
 use super::record::{Record, RecordRules};
-use crate::plan::Plan;
+use crate::plan::RecordPlan;
 use crate::surface_points::SurfacePoint;
 
 /// Makes records of what points see.
 #[derive(Debug)]
-pub(crate) struct Recorder {
+pub(crate) struct Recorder<'a> {
     /// The edges of textures of the resolutions that points see by.
     edges: Vec<TexelEdges>,
-    plan: Plan,
+    plan: &'a RecordPlan,
 }
 
 /// Derivatives need no more than about so many blocks of texels along a side.
@@ -22,14 +22,14 @@ const BLOCKS: usize = 16;
 /// Smallest radius of a record, pixels.
 pub(super) const MIN_PIXELS: f32 = 1.5;
 
-impl Recorder {
+impl<'a> Recorder<'a> {
     /// Makes records as the plan has them.
-    pub(crate) fn new(plan: &Plan) -> Self {
+    pub(crate) fn new(plan: &'a RecordPlan) -> Self {
         let mut resolutions = vec![plan.n, plan.look_n, plan.look_n_at(2), plan.look_n_at(1)];
         resolutions.dedup();
         let step = |n: usize| (n / BLOCKS).max(1);
         let edges = resolutions.into_iter().map(|n| TexelEdges::new(n, step(n))).collect();
-        Self { edges, plan: plan.clone() }
+        Self { edges, plan }
     }
 
     /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to that `error`.
@@ -52,8 +52,8 @@ impl Recorder {
     /// The rules for a record where a pixel is `footprint` metres wide. An error counts by the share of the picture that it takes: that
     /// makes the number of records the same for any number of pixels, and for any unit of length.
     fn rules(&self, footprint: f32, error: f32) -> RecordRules {
-        let plan = &self.plan;
-        let width = footprint * plan.side;
+        let plan = self.plan;
+        let width = plan.picture_width(footprint);
         // A camera whose pixels are points still needs records that reach themselves.
         let min_radius = (MIN_PIXELS * footprint).max(f32::MIN_POSITIVE);
         RecordRules {

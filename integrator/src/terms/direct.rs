@@ -3,7 +3,7 @@
 
 use arrayvec::ArrayVec;
 use glam::{UVec2, Vec3, Vec3A};
-use scene::{Lights, Lobes, Scene, Specular};
+use scene::{Lights, Lobes, Scene};
 
 use crate::delta_ways::{Way, delta_ways};
 use crate::follower::{Follower, Reflection};
@@ -109,7 +109,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         rays: &mut RayCounts,
     ) -> (Light, f32) {
         let mut light = Light::default();
-        let count = self.plan.light_samples;
+        let count = self.plan.samples.light_samples;
         let has_light_choice = self.scene.lights().has_choice();
         let choice = self.light_guide.filter(|_| takes_guide(shading)).and_then(|guide| guide.at(position, shading));
         let ways = LightWays { count: 1, choice, sky: self.sky };
@@ -142,8 +142,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         rays: &mut RayCounts,
         light: &mut Light,
     ) {
-        let count = lobe_rays(shading, share, self.plan);
-        let guide = self.guide.filter(|_| is_guided(shading, count, self.plan));
+        let count = self.plan.lobes.rays(shading, share);
+        let guide = self.guide.filter(|_| self.plan.lobes.guides(shading, count));
         let guide = guide.and_then(|guide| guide.at(position, shading.surface.n));
         let guided = if guide.is_some() { count / 2 } else { 0 };
         // Density of all samples together.
@@ -208,8 +208,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let emitted = self.scene.emission(&met.surface) * self.scene.transmittance(&met.surface);
         let has_caustic = self.scene.features().delta;
         let caustic = if has_caustic { self.caustic_from(met, sampler, rays) } else { Vec3::ZERO };
-        let reflection = if is_traced(shading, self.plan) {
-            let follower = Follower { scene: self.scene, secondary: self.secondary, spread: alpha(shading) };
+        let reflection = if self.plan.lobes.traces(shading) {
+            let follower = Follower { scene: self.scene, secondary: self.secondary, spread: shading.lobe_alpha() };
             follower.reflection(met, sampler, rays)
         } else {
             Reflection::DARK
@@ -261,41 +261,6 @@ pub(crate) fn guided_way(guide: &Guide, shading: &Shading, sampler: &mut Sampler
     let (f, pdf) = shading.bsdf.eval_pdf(Lobes::SPECULAR, shading.wo, wi);
     let leaves = pdf > 0.0 && shading.leaves(shading.frame.to_world(wi), wi);
     leaves.then(|| LobeWay { wi, weight: f * (wi.z / pdf), pdf })
-}
-
-/// Whether the glossy lobe of a point is traced, not read from a texture. Where there is a diffuse part too, a texture would serve the lobe alone, for
-/// that part is interpolated.
-pub(crate) fn is_traced(shading: &Shading, plan: &Plan) -> bool {
-    shading.bsdf.has_glossy() && (shading.bsdf.has_diffuse() || alpha(shading) < plan.texture_alpha)
-}
-
-/// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the reflected light, or so narrow that it
-/// sees about the same everywhere, and of these a `share` for a sample of which little comes to the eye; one for the lamps alone where a texture has the rest.
-pub(crate) fn lobe_rays(shading: &Shading, share: f32, plan: &Plan) -> u32 {
-    /// From this width on a lobe takes its full number.
-    const FULL_ALPHA: f32 = 0.1;
-    if !is_traced(shading, plan) {
-        return 1;
-    }
-    let needed = shading.bsdf.specular_probability(Lobes::ALL, shading.wo) * (alpha(shading) / FULL_ALPHA).min(1.0);
-    // A power of two, for samples of a pixel are stratified together where they take the same number.
-    let share = share.min(1.0).log2().ceil().exp2();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
-    let count = (plan.lobe_rays as f32 * needed * share).ceil() as u32;
-    count.max(1)
-}
-
-/// Whether a glossy lobe is traced with so many rays, see [`lobe_rays`], that it shares them with a guide, and is wide enough for its cells.
-pub(crate) fn is_guided(shading: &Shading, count: u32, plan: &Plan) -> bool {
-    /// About half the width of a cell, radians.
-    const MIN_ALPHA: f32 = 0.08;
-    const MIN_RAYS: u32 = 4;
-    plan.learners > 0 && alpha(shading) >= MIN_ALPHA && count >= MIN_RAYS
-}
-
-/// The roughness of a glossy lobe, which is about its width in radians; 0 where there is none.
-pub(crate) fn alpha(shading: &Shading) -> f32 {
-    if let Specular::Ggx { alpha, .. } = shading.bsdf.specular { alpha } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -393,7 +358,8 @@ mod tests {
         let ray = Ray::new(Vec3A::new(0.0, 0.5, 0.0), Vec3A::NEG_Y);
         let shading = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
         let noise = |count: u32| {
-            let plan = Plan { light_samples: count, ..Plan::new(&scene, &Settings::default()) };
+            let mut plan = Plan::new(&scene, &Settings::default());
+            plan.samples.light_samples = count;
             let term = term(&scene, &plan);
             let values: Vec<f64> = (0..400)
                 .map(|pixel| {

@@ -4,14 +4,8 @@ use glam::{UVec2, Vec2, Vec3};
 use hemimap::Frame;
 use scene::Lobes;
 
-use crate::plan::Plan;
 use crate::sampler::Sampler;
 use crate::secondary::Shading;
-
-/// Whether a point takes its glossy part from a texture.
-pub(crate) fn needs_texture(shading: &Shading, plan: &Plan) -> bool {
-    shading.bsdf.has_glossy() && !super::direct::is_traced(shading, plan)
-}
 
 /// The glossy lobe of a point as weights over the texels of a texture in `frame`, n x n: each is the sum of f cos / pdf over those
 /// of [`SAMPLES`] that fall into the texel, divided by their number. With the texture they sum to the reflected radiance.

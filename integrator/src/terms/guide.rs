@@ -19,7 +19,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use glam::{USizeVec2, UVec2, Vec2, Vec3A};
 use rayon::prelude::*;
 
-use super::direct::{DirectTerm, is_guided, lobe_rays};
+use super::direct::DirectTerm;
 use super::tiles::{self, NEAR, around, inside, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Secondary, Shading};
@@ -55,7 +55,7 @@ impl LobeGuide {
         seed: u64,
         rays: &mut RayCounts,
     ) -> Option<Self> {
-        let found: Vec<(Vec<Lesson>, RayCounts)> = (0..direct.plan.learners.pow(2))
+        let found: Vec<(Vec<Lesson>, RayCounts)> = (0..direct.plan.lobes.learners.pow(2))
             .into_par_iter()
             .map(|number| {
                 let mut rays = RayCounts::default();
@@ -92,12 +92,13 @@ fn learner<S: Secondary>(
 ) -> Vec<Lesson> {
     let mut lessons = Vec::new();
     let mut sampler = Sampler::new(seed, u64::from(number), 0);
-    let film = in_cell(number, direct.plan.learners, sampler.next_pair()) * size.as_vec2();
+    let film = in_cell(number, direct.plan.lobes.learners, sampler.next_pair()) * size.as_vec2();
     let ray = direct.scene.camera_ray(film, size);
     rays.camera += 1;
     let Some(hit) = direct.scene.intersect(&ray) else { return lessons };
     let shading = Shading::new(direct.scene, direct.scene.surface(&ray, &hit), ray.direction);
-    if !is_guided(&shading, lobe_rays(&shading, 1.0, direct.plan), direct.plan) {
+    let lobes = &direct.plan.lobes;
+    if !lobes.guides(&shading, lobes.rays(&shading, 1.0)) {
         return lessons;
     }
     let tile = tile(film, size, shading.surface.n);

@@ -14,7 +14,7 @@ use radcache::{Index, Record, Samples, Validity};
 use rayon::prelude::*;
 use reproject::{Shares, Verdict, Workspace};
 
-use super::glossy::{lobe_weights, needs_texture};
+use super::glossy::lobe_weights;
 use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
@@ -84,7 +84,7 @@ pub(crate) struct IndirectTerm<'a, S> {
     pub(crate) gatherer: Gatherer<'a, S>,
     pub(crate) plan: &'a Plan,
     /// Makes records of irradiance, where there is a cache.
-    pub(crate) recorder: Option<Recorder>,
+    pub(crate) recorder: Option<Recorder<'a>>,
     /// The size of the picture, pixels.
     pub(crate) size: UVec2,
     /// Who writes down what happens at the points of one pixel, if anybody does.
@@ -139,7 +139,11 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                 let point = &points[number];
                 let mut rays = RayCounts::default();
                 // A lobe is seen by its own point alone.
-                let n = if needs_texture(&point.shading, self.plan) { self.plan.look_n } else { self.plan.n };
+                let n = if self.plan.lobes.reads_texture(&point.shading) {
+                    self.plan.records.look_n
+                } else {
+                    self.plan.records.n
+                };
                 let frame = Frame::from_normal(point.shading.surface.n);
                 let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, &mut rays);
                 self.tell(point, || Step::Gathered { resolution: n, record: None });
@@ -151,7 +155,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
 
     /// Whether anything of a point is lit by a texture: a narrow lobe alone is traced.
     pub(crate) fn asks(&self, point: &SurfacePoint) -> bool {
-        point.shading.bsdf.has_diffuse() || needs_texture(&point.shading, self.plan)
+        point.shading.bsdf.has_diffuse() || self.plan.lobes.reads_texture(&point.shading)
     }
 
     /// Reprojects to the points `todo`, which a lattice of this `stride` asks, in passes: what the records can serve is served, a batch of the others becomes records, and the
@@ -166,8 +170,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     ) -> Vec<(usize, Look)> {
         let mut looks = Vec::with_capacity(todo.len());
         let look_n = |number: usize| {
-            let takes_texture = needs_texture(&points[number].shading, self.plan);
-            if takes_texture { self.plan.look_n } else { self.plan.look_n_at(stride) }
+            let takes_texture = self.plan.lobes.reads_texture(&points[number].shading);
+            if takes_texture { self.plan.records.look_n } else { self.plan.records.look_n_at(stride) }
         };
         while !todo.is_empty() {
             let frozen = &*index;
@@ -229,8 +233,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         };
         let record = index.record(found.record);
         let Buffers { workspace, weights, samples } = buffers;
-        let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.reproject);
-        let takes_texture = needs_texture(&point.shading, self.plan);
+        let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.records.reproject);
+        let takes_texture = self.plan.lobes.reads_texture(&point.shading);
         let hole_step = self.hole_step(shares.holes, workspace.resolution(), look_n);
         if !takes_texture && hole_step.is_none() {
             let mut rays = RayCounts::default();
@@ -249,7 +253,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         if takes_texture {
             self.weigh(point, &frame, workspace.resolution(), weights);
         }
-        let step = hole_step.unwrap_or(self.plan.hole_step);
+        let step = hole_step.unwrap_or(self.plan.records.hole_step);
         let hole_rays = if point.shading.bsdf.has_diffuse() {
             workspace.trace_holes(step, seed, &mut tracer)
         } else {
@@ -270,7 +274,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let record = self
             .recorder
             .as_ref()
-            .map(|recorder| recorder.record(point, frame, samples, [near, sky], self.plan.reprojected_error));
+            .map(|recorder| recorder.record(point, frame, samples, [near, sky], self.plan.records.reprojected_error));
         Answer::Served(Look { incident, record }, shares, tracer.rays)
     }
 
@@ -287,7 +291,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         const DOUBT: f32 = 0.5;
         /// ... and a fifth of the second ones refuse the record (study, findings 12 and 16).
         const REFUSED: f32 = 0.2;
-        let side = self.plan.verify_side;
+        let side = self.plan.records.verify_side;
         if side == 0 {
             return (true, Verdict::default(), None);
         }
@@ -313,29 +317,29 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         const LONG: f32 = 3.0;
         let surface = &point.shading.surface;
         let mut rays = RayCounts::default();
-        let validity: Validity = self.plan.validity(point.footprint);
+        let validity: Validity = self.plan.records.validity(point.footprint);
         let (samples, frame, look) = self.look_for_itself(point, look_n, weights, &mut rays);
         let beside = LONG * point.half_length();
         let enough = look.record.as_ref().map_or(0.0, |record| (REPAID * record.reach()).max(beside));
         // Highlights are traced anew wherever the record is reprojected.
         let marked = samples.view_dependent.iter().filter(|marked| **marked).count() as f32;
         let holes = marked / samples.view_dependent.len() as f32;
-        let is_worth = needs_texture(&point.shading, self.plan)
-            || !self.plan.highlights
-            || self.hole_step(holes, self.plan.n, look_n).is_some();
+        let is_worth = self.plan.lobes.reads_texture(&point.shading)
+            || !self.plan.records.highlights
+            || self.hole_step(holes, self.plan.records.n, look_n).is_some();
         // What one texel shows or not, elements cannot carry to other places.
         if !is_worth || validity.radius(&samples) <= enough || irradiance_cache::is_lit_by_few(&samples) {
             self.tell(point, || Step::Gathered { resolution: samples.resolution(), record: None });
             return (None, look, rays);
         }
-        let mut samples = self.gatherer.gather(surface, &frame, self.plan.n, point.key, &mut rays);
-        if !self.plan.highlights {
+        let mut samples = self.gatherer.gather(surface, &frame, self.plan.records.n, point.key, &mut rays);
+        if !self.plan.records.highlights {
             samples.view_dependent.fill(false);
         }
         let look = self.look(&samples, &frame, point, weights);
-        let record = Record::new(surface.p, frame, samples, &self.plan.record, &validity);
+        let record = Record::new(surface.p, frame, samples, &self.plan.records.record, &validity);
         self.tell(point, || Step::Gathered {
-            resolution: self.plan.n,
+            resolution: self.plan.records.n,
             record: Some(RecordFacts::new(&record, surface.p)),
         });
         (Some(record), look, rays)
@@ -343,7 +347,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
 
     /// [`hole_step`] of a reprojection of n x n texels, against a ray for each texel of a look: more, where texels are divided, tell it more too.
     fn hole_step(&self, holes: f32, n: usize, look_n: usize) -> Option<u32> {
-        hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.hole_step)
+        hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.records.hole_step)
     }
 
     /// What a point sees through `look_n x look_n` texels of its own, in which frame, and what it has of that.
@@ -366,15 +370,17 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let mean = samples.mean_radiance_by_distance();
         let [near, sky] = mean;
         let mut incident = Incident { near, sky, ..Incident::default() };
-        if needs_texture(&point.shading, self.plan) {
+        if self.plan.lobes.reads_texture(&point.shading) {
             self.weigh(point, frame, samples.resolution(), weights);
             let texels = samples.radiance.iter().zip(&samples.background_share).zip(weights.iter());
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
             incident.glossy = texels.map(|((&l, &share), &w)| l * (1.0 - share) * w).sum();
             return Look { incident, record: None };
         }
-        let record =
-            self.recorder.as_ref().map(|recorder| recorder.record(point, *frame, samples, mean, self.plan.error));
+        let record = self
+            .recorder
+            .as_ref()
+            .map(|recorder| recorder.record(point, *frame, samples, mean, self.plan.records.error));
         Look { incident, record }
     }
 

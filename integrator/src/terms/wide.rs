@@ -42,7 +42,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     fn over(&self, point: &SurfacePoint, rays: &mut RayCounts) -> Incident {
         let places = self.places(point, rays);
         let share = 1.0 / places.len() as f32;
-        let n = round_up(self.plan.look_n as f32 * share.sqrt());
+        let n = round_up(self.plan.records.look_n as f32 * share.sqrt());
         let mut sum = [Vec3::ZERO; 2];
         for (place, key) in places.iter().zip(0..) {
             let light = self.gatherer.mean_radiance(place, n, hash_pair(point.key, key), rays);

@@ -7,7 +7,7 @@ use super::super::direct::DirectTerm;
 use super::{FIRST, SIDE, Tile, means, start};
 use crate::allocation::neighbours;
 use crate::metrics;
-use crate::plan::Plan;
+use crate::plan::LobePlan;
 use crate::secondary::Secondary;
 use crate::statistics::RayCounts;
 use crate::surface_points::PixelPoints;
@@ -32,7 +32,7 @@ impl LobeAllocation {
         ambient: f32,
         rays: &mut RayCounts,
     ) -> Option<Self> {
-        if direct.plan.lobe_noise <= 0.0 {
+        if direct.plan.lobes.noise <= 0.0 {
             return None;
         }
         let floor_sq = metrics::floor_sq(means(pixels, ambient));
@@ -45,20 +45,20 @@ impl LobeAllocation {
         let found: Vec<_> = pixels.par_chunks((width * rows).max(1)).map(of_block).collect();
         found.iter().for_each(|(_, of_block)| *rays += *of_block);
         let deviations: Vec<Option<f64>> = found.into_iter().flat_map(|(deviations, _)| deviations).collect();
-        Some(Self::by(&deviations, pixels.len(), floor_sq, direct.plan))
+        Some(Self::by(&deviations, pixels.len(), floor_sq, &direct.plan.lobes))
     }
 
     /// Decides by the deviations of all tiles of so many pixels.
-    pub(super) fn by(deviations: &[Option<f64>], pixels: usize, floor_sq: f64, plan: &Plan) -> Self {
+    pub(super) fn by(deviations: &[Option<f64>], pixels: usize, floor_sq: f64, lobes: &LobePlan) -> Self {
         let sum: f64 = deviations.iter().flatten().sum();
-        Self { factor: sum / (f64::from(plan.lobe_noise) * pixels as f64), floor_sq }
+        Self { factor: sum / (f64::from(lobes.noise) * pixels as f64), floor_sq }
     }
 
     /// How many batches a tile takes altogether: as many as its noise is large, by the tiles around it, so that no tile judges itself. One of which nothing is known
     /// takes the most.
-    pub(super) fn batches(&self, deviation: Option<f64>, plan: &Plan) -> u32 {
-        let Some(deviation) = deviation else { return plan.lobe_batches };
-        let most = f64::from(plan.lobe_batches / FIRST);
+    pub(super) fn batches(&self, deviation: Option<f64>, lobes: &LobePlan) -> u32 {
+        let Some(deviation) = deviation else { return lobes.batches };
+        let most = f64::from(lobes.batches / FIRST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the plan's number")]
         let doublings = (self.factor * deviation).clamp(1.0, most).log2().round() as u32;
         FIRST << doublings
@@ -85,6 +85,7 @@ mod tests {
     use super::super::tests::room;
     use super::*;
     use crate::Settings;
+    use crate::plan::Plan;
 
     #[test]
     fn batches_go_where_tiles_around_are_noisy() {
@@ -96,11 +97,15 @@ mod tests {
             rays: RayCounts::default(),
             dropped: 0,
         };
-        let plan = |lobe_noise: f32| Plan { lobe_noise, ..Plan::new(&room(0.1, 0.0), &Settings::default()) };
+        let plan = |noise: f32| {
+            let mut plan = Plan::new(&room(0.1, 0.0), &Settings::default()).lobes;
+            plan.noise = noise;
+            plan
+        };
         let mut tiles: Vec<Tile<'_>> = (0..64).map(|_| tile(0.0)).collect();
         tiles[9].noise = 100.0;
         let pixels = 64 * SIDE * SIDE;
-        let batches = |tiles: &[Tile<'_>], plan: &Plan| {
+        let batches = |tiles: &[Tile<'_>], plan: &LobePlan| {
             let deviations = deviations(tiles, 8 * SIDE);
             let allocation = LobeAllocation::by(&deviations, pixels, 0.0, plan);
             deviations.into_iter().map(|deviation| allocation.batches(deviation, plan)).collect::<Vec<_>>()
@@ -108,12 +113,12 @@ mod tests {
         let found = batches(&tiles, &plan(1e-2));
         assert_eq!([found[9], found[63]], [FIRST, FIRST], "neither for its own noise nor far from it");
         assert!(found[0] > FIRST && found[18] > FIRST, "beside it: {} and {}", found[0], found[18]);
-        assert!(batches(&tiles, &plan(1e-9)).iter().all(|&batches| batches <= plan(1e-9).lobe_batches), "the limit");
+        assert!(batches(&tiles, &plan(1e-9)).iter().all(|&batches| batches <= plan(1e-9).batches), "the limit");
         tiles[0].groups.clear();
         assert_eq!(batches(&tiles, &plan(1e-2))[0], FIRST, "nothing to share");
         tiles[1..].iter_mut().for_each(|tile| tile.groups.clear());
         let alone = Tile::new(vec![Group { points: Vec::new(), corners: 0, guide: None, count: 2, parallax: 1.0 }]);
         tiles[0] = alone;
-        assert_eq!(batches(&tiles, &plan(1e-2))[0], plan(1e-2).lobe_batches, "nothing known");
+        assert_eq!(batches(&tiles, &plan(1e-2))[0], plan(1e-2).batches, "nothing known");
     }
 }

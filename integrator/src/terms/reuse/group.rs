@@ -9,7 +9,7 @@ use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
 use crate::surface_points::{SurfacePoint, same_surface};
-use crate::terms::direct::{DirectTerm, Light, LobeWay, Sight, alpha, guided_way, is_traced};
+use crate::terms::direct::{DirectTerm, Light, LobeWay, Sight, guided_way};
 use crate::terms::guide::Guide;
 
 /// Points of one surface in a tile.
@@ -98,7 +98,7 @@ impl Group<'_> {
             let shading = Shading::new(direct.scene, surface, ray.direction);
             // A texture may make the lobe of one place traced and not that of the other.
             let is_like = same_surface(&point.shading.surface, &surface, t)
-                && is_traced(&shading, direct.plan) == is_traced(&point.shading, direct.plan);
+                && direct.plan.lobes.traces(&shading) == direct.plan.lobes.traces(&point.shading);
             is_like.then_some(shading)
         };
         (0..TRIALS).find_map(|_| trial()).unwrap_or(point.shading)
@@ -148,7 +148,7 @@ impl Group<'_> {
             points.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         let (middle, extent) = (0.5 * (low + high), 0.5 * high.distance(low));
         let is_alone = shadings.len() == 1;
-        let hiding = self.parallax * alpha(&shadings[0]);
+        let hiding = self.parallax * shadings[0].lobe_alpha();
         let is_near = |p: Vec3A, width: f32| p.distance(middle) * width < extent;
         let near = other_hits.iter().filter(|&&p| is_near(p, hiding)).count();
         let is_hiding = near as f32 > NEAR_SHARE * other_hits.len() as f32;

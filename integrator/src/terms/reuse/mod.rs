@@ -29,10 +29,9 @@ use rayon::prelude::*;
 pub(crate) use self::batches::LobeAllocation;
 use self::batches::deviations;
 use self::group::Group;
-use super::direct::{DirectTerm, Light, alpha, is_guided, is_traced, lobe_rays};
+use super::direct::{DirectTerm, Light};
 use crate::film::Terms;
 use crate::metrics;
-use crate::plan::Plan;
 use crate::sampler::hash_pair;
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
@@ -46,13 +45,6 @@ const FIRST: u32 = 2;
 const BATCH: u32 = 8;
 /// Keeps these random numbers apart from those of the picture.
 const STREAM: u64 = 0x0072_6575_7365;
-
-/// Whether a primary sample that met no mirror before leaves its lobe to the points of its tile.
-pub(crate) fn is_shared(shading: &Shading, plan: &Plan) -> bool {
-    /// Narrower lobes see too little that is the same.
-    const MIN_ALPHA: f32 = 0.04;
-    plan.lobe_noise > 0.0 && is_traced(shading, plan) && alpha(shading) >= MIN_ALPHA
-}
 
 /// A tile after its first batches.
 struct Tile<'a> {
@@ -78,16 +70,17 @@ pub(crate) fn share_lobes<S: Secondary>(
     ambient: f32,
     whole: Option<LobeAllocation>,
 ) {
-    if direct.plan.lobe_noise <= 0.0 {
+    if direct.plan.lobes.noise <= 0.0 {
         return;
     }
     let floor_sq = whole.map_or_else(|| metrics::floor_sq(means(pixels, ambient)), |whole| whole.floor_sq);
     let width = size.x as usize;
     let mut tiles = start(direct, width, pixels, size, seed, ambient, floor_sq);
     let deviations = deviations(&tiles, width);
-    let allocation = whole.unwrap_or_else(|| LobeAllocation::by(&deviations, pixels.len(), floor_sq, direct.plan));
+    let allocation =
+        whole.unwrap_or_else(|| LobeAllocation::by(&deviations, pixels.len(), floor_sq, &direct.plan.lobes));
     let batches: Vec<u32> =
-        deviations.into_iter().map(|deviation| allocation.batches(deviation, direct.plan)).collect();
+        deviations.into_iter().map(|deviation| allocation.batches(deviation, &direct.plan.lobes)).collect();
     let seed = hash_pair(seed, STREAM);
     tiles.par_iter_mut().zip(&batches).for_each(|(tile, batches)| tile.take(direct, size, FIRST..*batches, seed));
     let found: Vec<_> =
@@ -156,23 +149,23 @@ fn groups<'a, S: Secondary>(
         let same = groups.iter_mut().find(|group| {
             let (_, first) = group.points[0];
             // Where black texels of the diffuse part make the one lobe traced and the other not, they have nothing in common.
-            let both = [first, point].map(|point| is_traced(&point.shading, direct.plan));
+            let both = [first, point].map(|point| direct.plan.lobes.traces(&point.shading));
             // Normals that differ by more than the width of the lobe see other things.
-            let is_level = first.shading.surface.n.dot(surface.n) >= 1.0 - 0.5 * alpha(&first.shading).powi(2);
+            let is_level = first.shading.surface.n.dot(surface.n) >= 1.0 - 0.5 * first.shading.lobe_alpha().powi(2);
             both[0] == both[1] && is_level && same_surface(&first.shading.surface, surface, TOLERANCE * surface.t)
         });
         if let Some(group) = same {
             group.points.push((pixel, point));
             continue;
         }
-        let count = lobe_rays(&point.shading, 1.0, direct.plan);
-        let guide = direct.guide.filter(|_| is_guided(&point.shading, count, direct.plan));
+        let count = direct.plan.lobes.rays(&point.shading, 1.0);
+        let guide = direct.guide.filter(|_| direct.plan.lobes.guides(&point.shading, count));
         groups.push(Group {
             points: vec![(pixel, point)],
             corners: 0,
             guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
             count: count.next_power_of_two().clamp(2, BATCH),
-            parallax: direct.plan.lobe_parallax,
+            parallax: direct.plan.lobes.parallax,
         });
     }
     for group in &mut groups {

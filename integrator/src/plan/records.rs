@@ -1,0 +1,151 @@
+//! How points look for indirect light, and how far what they see serves others.
+
+use radcache::{MergeSettings, RecordSettings, Validity};
+use scene::Scene;
+
+use super::{round, wanted_texture_alpha};
+use crate::{Method, Settings};
+
+/// What gathers and their records take.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RecordPlan {
+    /// Resolution of a gather that becomes a record, and of one that does not, see [`Self::look_n_at`].
+    pub(crate) n: usize,
+    pub(crate) look_n: usize,
+    /// Side of a square picture of as many pixels.
+    side: f32,
+    /// Size of the scene, metres.
+    scene_size: f32,
+    /// How records are made.
+    pub(crate) record: RecordSettings,
+    /// Reach of records, as a share of the harmonic mean distance.
+    spacing: f32,
+    /// Error that a record of irradiance may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on
+    /// all of it. Of one that is gathered, and of one that is reprojected.
+    pub(crate) error: f32,
+    pub(crate) reprojected_error: f32,
+    /// Whether records of irradiance reach as far as the Hessian says.
+    pub(crate) by_hessian: bool,
+    /// Whether they know the gradients, stop at walls, reach little farther than their neighbours and leave gaps to others.
+    pub(crate) gradients: bool,
+    pub(crate) walls: bool,
+    pub(crate) clamp: bool,
+    pub(crate) gaps: bool,
+    /// How far any record reaches, as a share of the scene, and of what the picture shows there.
+    max_share: f32,
+    /// Whether texels between bright and dark, and at the rim of the sky, are divided.
+    pub(crate) divide: bool,
+    /// Whether highlights are traced anew.
+    pub(crate) highlights: bool,
+    /// How reprojections are made.
+    pub(crate) reproject: reproject::Settings,
+    /// Texels along a side of the largest blocks of holes for which one ray stands.
+    pub(crate) hole_step: u32,
+    /// Verification rays along a side.
+    pub(crate) verify_side: u32,
+}
+
+/// Texels along a side of a gather that serves its own point alone, at quality 1.
+const GATHER_RESOLUTION: f32 = 16.0;
+/// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less serves fewer points
+/// than could be gathered for its rays.
+const MIN_PIXELS: f32 = 1.0;
+/// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a gather has missed come between, and a record far out on a
+/// wide floor has no texel for the bodies of a close-up.
+const MAX_SHARE: f32 = 0.25;
+/// Hits nearer than this share of the scene mean that a point lies in a seam.
+const TOUCHING_SHARE: f32 = 1e-5;
+
+impl RecordPlan {
+    pub(super) fn new(scene: &Scene, settings: &Settings) -> Self {
+        let features = scene.features();
+        let Settings { quality, study, method, .. } = settings;
+        let has_textures = features.widest_metal >= wanted_texture_alpha(settings).max(f32::MIN_POSITIVE);
+        // The rim of a window in the sky and a lobe need more texels than irradiance does. Where a point may look for itself instead, by which it sees more for
+        // the same time, records of radiance reach less far: least where a look is cheap, as it is not with the rim of a sky in it. Without sky and textures
+        // reprojection takes no less time than the rays of a look, so that only points close to a record ask it.
+        let (record_n, look_n, spacing) = match (features.environment, has_textures) {
+            (true, _) => (48.0, 24.0, 0.15),
+            (false, true) => (40.0, 20.0, 0.2),
+            (false, false) => (32.0, 20.0, 0.03),
+        };
+        // With a cache, twice the time is shared by the number of records and by their rays.
+        let with_cache = |base: f32| round(base * quality.sqrt().sqrt(), 8.0, 64.0);
+        let alone = round(GATHER_RESOLUTION * quality.sqrt(), 4.0, 64.0);
+        let (n, look_n) = match method {
+            Method::Reproject => (with_cache(record_n), with_cache(look_n)),
+            Method::CacheOnly => (with_cache(look_n), with_cache(look_n)),
+            Method::Gather | Method::Path => (alone, alone),
+        };
+        let n = study.resolution.unwrap_or(n);
+        let error = study.error.unwrap_or(1e-4 / quality);
+        // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
+        let max_contrast = if has_textures { 0.1 } else { 2.0 };
+        Self {
+            n: n as usize,
+            look_n: look_n.min(n) as usize,
+            side: (settings.size.element_product() as f32).sqrt(),
+            scene_size: 2.0 * scene.bounds().radius(),
+            record: RecordSettings {
+                layers: study.layers.unwrap_or(16) as usize,
+                merge: MergeSettings { max_contrast, ..study.merge_settings() },
+            },
+            spacing: study.spacing.unwrap_or(spacing),
+            // The sky between near things ends more sharply than the Hessian of so few texels tells.
+            error: if *method == Method::Reproject && features.environment { 0.5 * error } else { error },
+            // They cost less, so there are more of them.
+            reprojected_error: 0.5 * error,
+            by_hessian: study.by_distance != Some(true),
+            gradients: study.gradients != Some(false),
+            walls: study.walls != Some(false),
+            clamp: study.clamp != Some(false),
+            gaps: study.gaps != Some(false),
+            max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
+            divide: study.divide != Some(false),
+            highlights: study.highlights != Some(false),
+            reproject: reproject::Settings {
+                coverage: study.coverage(),
+                trails: study.trails.unwrap_or_default(),
+                weights: study.weights(),
+                margins: study.margins != Some(false),
+                doubt: study.doubt != Some(false),
+            },
+            // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
+            hole_step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
+            verify_side: study.verify.unwrap_or(2),
+        }
+    }
+
+    /// Resolution of a look from a point that was asked on the lattice of this stride, where there are records of radiance. Points that are asked late and
+    /// have no record lie in reliefs and corners, and serve few others.
+    pub(crate) fn look_n_at(&self, stride: usize) -> usize {
+        let share = match stride {
+            1 if self.look_n < self.n => 2.0 / 3.0,
+            2 if self.look_n < self.n => 5.0 / 6.0,
+            _ => 1.0,
+        };
+        round(self.look_n as f32 * share, 1.0, 64.0) as usize
+    }
+
+    /// The width of the whole picture where a pixel is `footprint` metres wide at the surface.
+    pub(crate) fn picture_width(&self, footprint: f32) -> f32 {
+        footprint * self.side
+    }
+
+    /// The reach of records where a pixel is `footprint` metres wide at the surface.
+    pub(crate) fn validity(&self, footprint: f32) -> Validity {
+        let min_radius = MIN_PIXELS * (self.n as f32 / self.look_n as f32) * footprint;
+        Validity {
+            spacing: self.spacing,
+            min_radius,
+            max_radius: self.max_reach(footprint).max(min_radius),
+            touching_distance: TOUCHING_SHARE * self.scene_size,
+            ..Validity::default()
+        }
+    }
+
+    /// The farthest that any record reaches there, metres.
+    pub(crate) fn max_reach(&self, footprint: f32) -> f32 {
+        self.max_share * self.scene_size.min(self.picture_width(footprint))
+    }
+}
