@@ -8,7 +8,7 @@ use glam::{UVec2, Vec3, Vec3A};
 use integrator::{Explanation, IrradianceFacts, PixelEstimate, PointExplanation, RecordFacts, Settings, Step, Verdict};
 use scene::{Material, Scene};
 
-use crate::failure::{Failure, note, print};
+use crate::failure::{Failure, note, print, printable};
 use crate::progress::Reporter;
 use crate::view::ViewArgs;
 
@@ -238,9 +238,4 @@ fn rgb(light: Vec3) -> String {
 
 fn place(v: Vec3A) -> String {
     format!("({}, {}, {})", v.x, v.y, v.z)
-}
-
-/// A name from a file without control characters.
-fn printable(name: &str) -> String {
-    name.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
 }

@@ -39,12 +39,15 @@ impl Failure {
     }
 }
 
-/// Writes one line to stderr. Control characters, which names of files may hold, must neither break the line nor
-/// colour the terminal.
+/// Text without control characters: names, which files may choose, must neither break a line nor colour the terminal.
+pub(crate) fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
+}
+
+/// Writes one line to stderr.
 pub(crate) fn note(message: &str) {
-    let line: String = message.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
     // Nobody is left to be told when stderr is closed.
-    let _ = writeln!(io::stderr(), "freelux: {line}");
+    let _ = writeln!(io::stderr(), "freelux: {}", printable(message));
 }
 
 /// Writes what was asked for to stdout.

@@ -11,7 +11,7 @@ use exr::prelude::{AttributeValue, Text};
 use glam::{DVec3, Vec3};
 use scene::{Description, LoadOptions, Picture, PictureFormat, PunctualLight, Scene, SpecularKind, read_file};
 
-use crate::failure::{Failure, note, print};
+use crate::failure::{Failure, note, print, printable};
 
 /// Tell what a scene or a picture holds.
 #[derive(Debug, clap::Args)]
@@ -73,8 +73,7 @@ struct Lines(String);
 
 impl Lines {
     fn add(&mut self, name: &str, value: impl Display) {
-        let value: String = value.to_string().chars().map(|c| if c.is_control() { '?' } else { c }).collect();
-        let _ = writeln!(self.0, "{name:<14}  {value}");
+        let _ = writeln!(self.0, "{name:<14}  {}", printable(&value.to_string()));
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "SIZE", value_parser = args::finite)]
     cell: f32,
     /// OBJ file to write
-    #[arg(long, value_name = "FILE.obj")]
+    #[arg(long, short, value_name = "FILE.obj")]
     out: PathBuf,
     /// Only the forms of this name, or of this number in the order of the file, from 0; may be given again
     #[arg(long = "form", value_name = "NAME|NUMBER")]

@@ -37,7 +37,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "E", value_parser = args::error, allow_hyphen_values = true, conflicts_with = "spp")]
     error: Option<f32>,
     /// Picture to write, .exr or .png; may be given twice [default: freelux.exr and freelux.png]
-    #[arg(long, value_name = "FILE.exr|.png")]
+    #[arg(long, short, value_name = "FILE.exr|.png")]
     out: Vec<Output>,
     /// Write this term of the picture alone
     #[arg(long, value_enum)]

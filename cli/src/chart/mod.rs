@@ -48,7 +48,7 @@ pub(crate) struct ChartArgs {
     )]
     qualities: Vec<f32>,
     /// Folder for what is written, made where it is not there
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
     /// Width and height in pixels [default: the scene's, or 256x256]
     #[arg(long, value_name = "WxH", value_parser = args::size, allow_hyphen_values = true)]

@@ -127,7 +127,7 @@ fn the_papers_own_reprojection_has_options() {
     let folder = folder();
     let render = |name: &str, more: &[&str]| {
         // Records that reach far, so that some points reproject.
-        let words = ["--method", "reproject", "--quality=0.1", "--set=spacing=0.8", "--out", name];
+        let words = ["--method", "reproject", "--quality=0.1", "--set=spacing=0.8", "-o", name];
         cornell(folder.path(), &[&words[..], more].concat()).expect_done();
         let image = read_all_flat_layers_from_file(folder.path().join(name)).unwrap();
         channel(&image, "indirect.G").to_vec()

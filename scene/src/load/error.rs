@@ -52,7 +52,7 @@ impl fmt::Display for Problem {
 }
 
 /// Text without control characters: names in hostile files must not break the line or colour the terminal.
-fn printable(text: &str) -> String {
+pub(super) fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
 }
 

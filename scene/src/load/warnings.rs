@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use super::error::printable;
+
 /// Warnings in the order of their first appearance, each with its number of appearances.
 #[derive(Debug, Default)]
 pub(super) struct Warnings {
@@ -35,7 +37,7 @@ impl Warnings {
         self.order
             .into_iter()
             .map(|(text, times)| if times == 1 { text } else { format!("{text} ({times} times)") })
-            .map(|line| line.chars().map(|c| if c.is_control() { '?' } else { c }).collect())
+            .map(|line| printable(&line))
             .collect()
     }
 }

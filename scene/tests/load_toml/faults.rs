@@ -7,6 +7,7 @@ use crate::{loaded, refused};
 fn faults_are_refused_by_line_and_field() {
     for (text, line, part) in [
         ("[camera]\neye = [0, 0, 1]\nat = [0, 0, 0]\nfovv = 3", 4, "unknown field 'fovv'; write 'fov'"),
+        ("light = { point = { } }", 1, "light: one where a list is wanted; write it in brackets"),
         ("[light]\npoint = { }", 1, "[light] is the wrong kind of table; write [[light]]"),
         ("[[camera]]\neye = [0, 0, 1]\nat = [0, 0, 0]", 1, "[[camera]] is the wrong kind of table; write [camera]"),
         ("film = { exposure = 65 }", 1, "exposure: 65 is out of range"),

@@ -5,6 +5,9 @@ use crate::load::error::{LoadError, Place, nearest, quoted};
 /// What the TOML reader says of nesting: of values, and of keys with many dots.
 const TOO_DEEP: [&str; 2] = ["cannot recurse further; max recursion depth met", "recursion limit"];
 
+/// What it says of one thing in braces where there is a list of them.
+const SINGLE: &str = "invalid type: map, expected a sequence";
+
 /// Translates an error about `text`, which is the file at `place`.
 pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -> LoadError {
     let start = error.span().map_or(0, |span| span.start.min(text.len()));
@@ -29,7 +32,10 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
         return place.invalid(format!("{written} is the wrong kind of table"), format!("write {wanted}"));
     }
     // Our own types say what to do; the library does not.
-    let (what, advice) = message.split_once("; ").unwrap_or((&message, "see docs/scene-format.md for what is allowed"));
+    let (what, advice) = match message.as_str() {
+        SINGLE => ("one where a list is wanted", "write it in brackets, for there may be several"),
+        message => message.split_once("; ").unwrap_or((message, "see docs/scene-format.md for what is allowed")),
+    };
     match field_at(text, start) {
         Some(field) => place.invalid(format!("{field}: {what}"), advice),
         None => place.invalid(what, advice),
