@@ -169,7 +169,7 @@ fn explain_step(text: &mut String, step: &Step) {
         Step::Refused { record, verdict } => {
             row(text, 1, "refused", &format!("the record {}: {}", record_words(record), verdict_words(*verdict)));
         }
-        Step::Reprojected { record, verdict, second_verdict, shares, hole_rays } => {
+        Step::Reprojected { record, verdict, second_verdict, shares, parts, hole_rays } => {
             row(text, 1, "reprojected", &format!("the record {}", record_words(record)));
             row(text, 2, "verified", &verdict_words(*verdict));
             if let Some(verdict) = second_verdict {
@@ -183,6 +183,14 @@ fn explain_step(text: &mut String, step: &Step) {
                 percent(shares.unknown)
             );
             row(text, 2, "hemisphere", &shares);
+            let parts = format!(
+                "unchanged {:.1} %, moved {:.1} %, bared {:.1} %, opened {:.1} %",
+                percent(parts.unchanged),
+                percent(parts.moved),
+                percent(parts.bared),
+                percent(parts.opened)
+            );
+            row(text, 2, "parts", &parts);
         }
         Step::Gathered { resolution, record } => {
             row(text, 1, "gathered", &format!("{resolution} x {resolution} texels"));

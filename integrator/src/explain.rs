@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{UVec2, Vec3, Vec3A};
 use radcache::Record;
-use reproject::{Shares, Verdict};
+use reproject::{Parts, Shares, Verdict};
 use scene::Scene;
 
 use crate::film::{Band, Terms};
@@ -81,6 +81,8 @@ pub enum Step {
         second_verdict: Option<Verdict>,
         /// How much of its hemisphere came from the record.
         shares: Shares,
+        /// What became of its hemisphere on the way from there.
+        parts: Parts,
         /// Rays traced through what the record does not fill.
         hole_rays: usize,
     },

@@ -36,7 +36,7 @@ pub use film::{Film, FirstHit, Terms};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};
 pub use render::{Rendering, render, render_with};
-pub use reproject::{Shares, Trails, Verdict};
+pub use reproject::{Parts, Shares, Trails, Verdict};
 pub use rungs::Rungs;
 pub use sampler::{Rng, Sampler, hash, hash_pair};
 pub use secondary::{Known, NoSecondary, Secondary};

@@ -1,6 +1,6 @@
 //! Which rung of the ladder from interpolation to a gather each pixel has its indirect light from.
 
-use reproject::Shares;
+use reproject::{Parts, Shares};
 
 /// How the surfaces of a pixel got their indirect light. Each number is a share of the pixel's samples: together
 /// [`interpolated`](Self::interpolated), [`reprojected`](Self::reprojected) and [`gathered`](Self::gathered) are 1 where each sample ends at one surface that asks for
@@ -17,17 +17,25 @@ pub struct Rungs {
     pub filled: f32,
     /// The part of [`Self::reprojected`] that is the share of the hemispheres of which the records could know nothing.
     pub unknown: f32,
+    /// The part of [`Self::filled`] that records saw in the same direction by the same element; this and the next two are what the paper tells apart, see
+    /// [`reproject::Parts`]. What opened is the rest of [`Self::reprojected`].
+    pub unchanged: f32,
+    /// The part that came from another direction before what records saw here.
+    pub moved: f32,
+    /// The part behind something that is gone from here.
+    pub bared: f32,
 }
 
 impl Rungs {
     /// The names of its numbers, in the order of [`Self::to_array`].
-    pub const NAMES: [&str; 5] = ["interpolated", "reprojected", "gathered", "filled", "unknown"];
+    pub const NAMES: [&str; 8] =
+        ["interpolated", "reprojected", "gathered", "filled", "unknown", "unchanged", "moved", "bared"];
 
     /// All numbers.
     #[must_use]
-    pub fn to_array(self) -> [f32; 5] {
-        let Self { interpolated, reprojected, gathered, filled, unknown } = self;
-        [interpolated, reprojected, gathered, filled, unknown]
+    pub fn to_array(self) -> [f32; 8] {
+        let Self { interpolated, reprojected, gathered, filled, unknown, unchanged, moved, bared } = self;
+        [interpolated, reprojected, gathered, filled, unknown, unchanged, moved, bared]
     }
 
     /// Adds a surface that has this share of the samples.
@@ -36,10 +44,12 @@ impl Rungs {
             Rung::Unasked => {}
             Rung::Interpolated => self.interpolated += share,
             Rung::Gathered => self.gathered += share,
-            Rung::Reprojected { filled, unknown } => {
+            Rung::Reprojected(of_hemisphere) => {
                 self.reprojected += share;
-                self.filled += share * f32::from(filled) / STEPS;
-                self.unknown += share * f32::from(unknown) / STEPS;
+                let sums = [&mut self.filled, &mut self.unknown, &mut self.unchanged, &mut self.moved, &mut self.bared];
+                for (sum, steps) in sums.into_iter().zip(of_hemisphere) {
+                    *sum += share * f32::from(steps) / STEPS;
+                }
             }
         }
     }
@@ -47,9 +57,9 @@ impl Rungs {
     /// Mixes those of another picture in, so that they are this `share` of the whole.
     pub(crate) fn mix(&mut self, other: Self, share: f32) {
         let (own, other) = (self.to_array(), other.to_array());
-        let [interpolated, reprojected, gathered, filled, unknown] =
+        let [interpolated, reprojected, gathered, filled, unknown, unchanged, moved, bared] =
             std::array::from_fn(|number| own[number] + (other[number] - own[number]) * share);
-        *self = Self { interpolated, reprojected, gathered, filled, unknown };
+        *self = Self { interpolated, reprojected, gathered, filled, unknown, unchanged, moved, bared };
     }
 }
 
@@ -63,24 +73,22 @@ pub(crate) enum Rung {
     #[default]
     Unasked,
     Interpolated,
-    /// From a record that had such shares of the hemisphere, in steps of 1/255.
-    Reprojected {
-        filled: u8,
-        unknown: u8,
-    },
+    /// From a record that filled such a share of the hemisphere, could know nothing of such a share, and of what it filled had such parts unchanged, moved and bared:
+    /// in steps of 1/255.
+    Reprojected([u8; 5]),
     Gathered,
 }
 
 impl Rung {
     /// Whether the point traced rays of its own, few or many.
     pub(crate) fn has_looked(self) -> bool {
-        matches!(self, Self::Reprojected { .. } | Self::Gathered)
+        matches!(self, Self::Reprojected(_) | Self::Gathered)
     }
 
-    pub(crate) fn reprojected(shares: &Shares) -> Self {
+    pub(crate) fn reprojected(shares: &Shares, parts: &Parts) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares lie in [0, 1]")]
         let steps = |share: f32| (share * STEPS).round() as u8;
-        Self::Reprojected { filled: steps(shares.filled), unknown: steps(shares.unknown) }
+        Self::Reprojected([shares.filled, shares.unknown, parts.unchanged, parts.moved, parts.bared].map(steps))
     }
 }
 
@@ -93,9 +101,10 @@ mod tests {
         let mut rungs = Rungs::default();
         rungs.add(Rung::Unasked, 0.25);
         rungs.add(Rung::Interpolated, 0.25);
-        rungs.add(Rung::reprojected(&Shares { filled: 0.8, unknown: 0.2, holes: 0.2 }), 0.5);
-        let expected = Rungs { interpolated: 0.25, reprojected: 0.5, gathered: 0.0, filled: 0.4, unknown: 0.1 };
-        assert_eq!(rungs, expected, "shares of the pixel, of which the record has four fifths");
+        let parts = Parts { unchanged: 0.2, moved: 0.4, bared: 0.2, opened: 0.2 };
+        rungs.add(Rung::reprojected(&Shares { filled: 0.8, unknown: 0.2, holes: 0.2 }, &parts), 0.5);
+        let expected = [0.25, 0.5, 0.0, 0.4, 0.1, 0.1, 0.2, 0.1];
+        assert_eq!(rungs.to_array(), expected, "shares of the pixel, of which the record has four fifths");
         rungs.mix(Rungs { gathered: 1.0, ..Rungs::default() }, 0.5);
         assert_eq!((rungs.gathered, rungs.reprojected, rungs.filled), (0.5, 0.25, 0.2), "half of each");
     }

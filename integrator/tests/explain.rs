@@ -104,6 +104,9 @@ fn rungs_of_all_pixels_add_up_to_the_statistics() {
         for (share, mean) in [(sum(|r| r.filled), counted.share_filled), (sum(|r| r.unknown), counted.share_unknown)] {
             assert!((share - ways[1] * mean).abs() <= 0.002 * ways[1], "{method:?}: shares of hemispheres");
         }
+        // Nothing lies below these surfaces that are flat.
+        let parts = sum(|r| r.unchanged) + sum(|r| r.moved) + sum(|r| r.bared);
+        assert!((parts - sum(|r| r.filled)).abs() <= 0.006 * ways[1], "{method:?}: parts of what records fill");
     }
 }
 

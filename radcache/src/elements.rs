@@ -184,6 +184,15 @@ impl Elements {
         [if k == 1 || k == 2 { i + w } else { i }, if k >= 2 { j + h } else { j }]
     }
 
+    /// Whether element `e` holds the texel of the record in this column and row.
+    #[must_use]
+    pub fn covers(&self, e: usize, texel: [usize; 2]) -> bool {
+        (0..2).all(|axis| {
+            let [start, size] = [self.start[e][axis], self.size[e][axis]].map(usize::from);
+            (start..start + size).contains(&texel[axis])
+        })
+    }
+
     /// The sides that are silhouettes.
     #[must_use]
     pub fn outline(&self) -> &Outline {

@@ -6,6 +6,7 @@ mod holes;
 mod horizon;
 mod kernel;
 mod masks;
+mod parts;
 mod project;
 mod raster;
 mod samples;
@@ -15,6 +16,7 @@ mod workspace;
 
 pub use kernel::{Kernel, project_corners};
 pub use masks::{Masks, Rows};
+pub use parts::Parts;
 pub use raster::{polygon_rows, rectangle_rows};
 pub use tracer::{Traced, Tracer};
 pub use verify::Verdict;

@@ -19,7 +19,7 @@ pub(crate) struct Plane {
 
 impl Plane {
     /// The plane of element `e` for a point at `offset` from the record, whose frame `rotation` turns to that of the point.
-    fn of(elements: &Elements, e: usize, offset: Vec3A, rotation: &Mat3A) -> Self {
+    pub(crate) fn of(elements: &Elements, e: usize, offset: Vec3A, rotation: &Mat3A) -> Self {
         let [a, b, c, d] = std::array::from_fn(|k| elements.corner(e, k));
         let centre = (a + b + c + d) / 4.0 - offset;
         let normal = (c - a).cross(d - b).normalize_or(-centre.normalize_or(Vec3A::NEG_Z));
@@ -29,7 +29,7 @@ impl Plane {
 
     /// Distance along a unit direction through the element. Where a grazing plane would be met far from the element, as its outline
     /// covers no more of the texel than the centre, the distance of its middle.
-    fn distance(&self, wi: Vec3A) -> f32 {
+    pub(crate) fn distance(&self, wi: Vec3A) -> f32 {
         /// Times the distance of the middle.
         const RANGE: [f32; 2] = [0.5, 2.0];
         let distance = self.height / self.normal.dot(wi);

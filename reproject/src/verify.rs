@@ -87,7 +87,8 @@ fn unit(bits: u64) -> f32 {
     (bits & 0xff_ffff) as f32 / 16_777_216.0
 }
 
-fn texel_at(place: Vec2, n: usize) -> usize {
+/// The texel that holds a place of the square.
+pub(crate) fn texel_at(place: Vec2, n: usize) -> usize {
     #[expect(clippy::cast_possible_truncation, reason = "n <= 64")]
     let [i, j] = place.to_array().map(|x| hemimap::texel_index(x, n as u32) as usize);
     j * n + i

@@ -95,18 +95,22 @@ fn rungs_are_channels_where_they_are_asked_for() {
     let [plain, image] =
         ["a.exr", "b.exr"].map(|name| read_all_flat_layers_from_file(folder.path().join(name)).unwrap());
     let mut expected = channel_names(&plain);
-    let rungs = ["interpolated", "reprojected", "gathered", "filled", "unknown"].map(|name| format!("rung.{name}"));
+    let names = ["interpolated", "reprojected", "gathered", "filled", "unknown", "unchanged", "moved", "bared"];
+    let rungs = names.map(|name| format!("rung.{name}"));
     expected.extend(rungs.clone());
     expected.sort();
-    assert_eq!(channel_names(&image), expected, "five more");
+    assert_eq!(channel_names(&image), expected, "eight more");
     assert_eq!(channel(&image, "indirect.G"), channel(&plain, "indirect.G"), "of the same picture");
-    let [interpolated, reprojected, gathered, filled, unknown] = rungs.each_ref().map(|name| channel(&image, name));
+    let [interpolated, reprojected, gathered, filled, unknown, parts @ ..] =
+        rungs.each_ref().map(|name| channel(&image, name));
     let indirect = channel(&image, "indirect.G");
     for pixel in 0..indirect.len() {
         let sum = interpolated[pixel] + reprojected[pixel] + gathered[pixel];
         assert!(indirect[pixel] == 0.0 || sum > 0.0, "pixel {pixel} has its light from somewhere");
         assert!(sum <= 1.0 + 1e-5, "nothing splits samples here");
         assert!(filled[pixel] + unknown[pixel] <= reprojected[pixel] + 1e-2, "of what was reprojected");
+        let sum = parts.iter().map(|part| part[pixel]).sum::<f32>();
+        assert!((sum - filled[pixel]).abs() <= 1e-2 * reprojected[pixel], "parts of what was filled");
     }
 }
 

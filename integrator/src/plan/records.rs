@@ -37,6 +37,8 @@ pub(crate) struct RecordPlan {
     pub(crate) divide: bool,
     /// Whether highlights are traced anew.
     pub(crate) highlights: bool,
+    /// Whether reprojections tell apart what stayed and what moved.
+    pub(crate) tells_parts: bool,
     /// How reprojections are made.
     pub(crate) reproject: reproject::Settings,
     /// Texels along a side of the largest blocks of holes for which one ray stands.
@@ -103,6 +105,7 @@ impl RecordPlan {
             max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
             divide: study.divide != Some(false),
             highlights: study.highlights != Some(false),
+            tells_parts: settings.rungs,
             reproject: reproject::Settings {
                 coverage: study.coverage(),
                 trails: study.trails.unwrap_or_default(),

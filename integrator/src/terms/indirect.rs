@@ -12,7 +12,7 @@ use glam::{UVec2, Vec3};
 use hemimap::Frame;
 use radcache::{Index, Record, Samples, Validity};
 use rayon::prelude::*;
-use reproject::{Shares, Verdict, Workspace};
+use reproject::{Parts, Shares, Verdict, Workspace};
 
 use super::glossy::lobe_weights;
 use crate::explain::{RecordFacts, Step, Witness};
@@ -185,7 +185,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             for (&number, answer) in todo.iter().zip(answers) {
                 match answer {
                     Answer::Served(look, shares, rays) => {
-                        looks.push((number, look.by(Rung::reprojected(&shares))));
+                        looks.push((number, look));
                         counts.rays += rays;
                         counts.reprojected += 1;
                         counts.filled += f64::from(shares.filled);
@@ -259,12 +259,13 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         } else {
             workspace.trace_holes_under(weights, step, seed, &mut tracer)
         };
+        let parts = if self.plan.records.tells_parts { workspace.parts(record) } else { Parts::default() };
         self.tell(point, || {
-            let record = RecordFacts::new(record, surface.p);
-            Step::Reprojected { record, verdict, second_verdict, shares, hole_rays }
+            let (record, parts) = (RecordFacts::new(record, surface.p), workspace.parts(record));
+            Step::Reprojected { record, verdict, second_verdict, shares, parts, hole_rays }
         });
         let [near, sky] = workspace.mean_radiance_by_distance();
-        let mut incident = Incident { near, sky, ..Incident::default() };
+        let mut incident = Incident { near, sky, rung: Rung::reprojected(&shares, &parts), ..Incident::default() };
         if takes_texture {
             // What is infinitely far is the sky: direct light, which the glossy lobe has by sampling.
             [incident.glossy, _] = workspace.weighted_sum_by_distance(record, weights);

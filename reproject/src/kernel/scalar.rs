@@ -180,6 +180,35 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// From another place and turned about any axis, under a roof that covers half of the sky.
+        #[test]
+        fn corners_go_where_the_map_puts_their_directions(
+            axis in prop::array::uniform3(-1f32..1.0), angle in -1f32..1.0, to in prop::array::uniform3(-0.3f32..0.3),
+        ) {
+            let samples = radcache::Samples::from_fn(7, |wi| {
+                (glam::Vec3::ONE, if wi.x > 0.0 { f32::INFINITY } else { 1.0 / wi.z }, Vec3A::NEG_Z)
+            });
+            let frame = hemimap::Frame::from_normal(Vec3A::Z);
+            let record = radcache::Record::new(Vec3A::ZERO, frame, samples, &Default::default(), &Default::default());
+            let elements = record.elements();
+            let rotation = Mat3A::from_axis_angle(glam::Vec3::from(axis).normalize_or(glam::Vec3::X), angle);
+            let offset = Vec3A::from(to);
+            let [mut u, mut v, mut z] = [(); 3].map(|()| [(); 4].map(|()| vec![0.0; elements.padded_len()]));
+            project_corners(elements, &rotation, offset, &mut u, &mut v, &mut z);
+            for e in 0..elements.len() {
+                for k in 0..4 {
+                    let moved = elements.corner(e, k) - if elements.finite[e] == 1.0 { offset } else { Vec3A::ZERO };
+                    let seen = glam::Mat3::from(rotation).as_dmat3() * moved.as_dvec3();
+                    let up = seen.with_z(seen.z.max(0.0)).normalize();
+                    let place = hemimap::double::cosine_hemisphere_to_square(up).as_vec2();
+                    prop_assert!(place.distance(Vec2::new(u[k][e], v[k][e])) < 3e-6, "corner {} of {}", k, e);
+                    prop_assert!((f64::from(z[k][e]) - seen.z).abs() < 1e-5 * seen.length(), "height");
+                }
+            }
+        }
+    }
+
     #[test]
     fn odd_directions_have_a_place() {
         assert_eq!(to_square(0.0, 0.0, 0.0), (0.5, 0.5), "no direction");
