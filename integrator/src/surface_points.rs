@@ -349,8 +349,11 @@ fn add_emission(terms: &mut Terms, bounces: u32, radiance: Vec3) {
 
 /// Adds a sample to the point of its surface, or starts one; returns it.
 fn add_point(points: &mut Vec<SurfacePoint>, point: SurfacePoint, length: f32) -> &mut SurfacePoint {
+    // Where a picture is black there is no diffuse part, which decides what becomes of gloss: such samples go ways of their own.
     let same = points.iter().position(|other| {
-        other.chain == point.chain && same_surface(&other.shading.surface, &point.shading.surface, length)
+        other.chain == point.chain
+            && other.shading.bsdf.has_diffuse() == point.shading.bsdf.has_diffuse()
+            && same_surface(&other.shading.surface, &point.shading.surface, length)
     });
     let number = same.unwrap_or(points.len());
     if same.is_some() {

@@ -1,9 +1,9 @@
 //! Light of the sky, and of nothing else.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use integrator::Method;
-use scene::{Description, Environment, Scene};
-use tests::{Builder, Effort, METHODS, black, film, lambert, measure, print};
+use scene::{Description, Environment, Material, Scene, Texture};
+use tests::{Builder, Effort, METHODS, black, film, gloss, lambert, measure, print};
 
 #[test]
 fn empty_scene_is_black_and_sky_only_is_sky() {
@@ -94,6 +94,32 @@ fn texture_does_not_enter_the_record() {
         // The path tracer's pixels have the noise of a cosine over 256 stratified samples, less than 0.02.
         let limit = if method == Method::Path { 0.1 } else { 1e-5 };
         assert!(worst <= limit, "{}: a pixel differs by {worst} from its albedo", method.name());
+    }
+}
+
+#[test]
+fn gloss_over_a_picture_that_is_black_in_parts_keeps_the_rest() {
+    // Stripes narrower than pixels: samples of a pixel meet black and white. Where it is black there is no diffuse part, and gloss of this width would read a texture.
+    for alpha in [0.2, 0.7] {
+        let material = Material { diffuse: Vec3::ONE, diffuse_texture: Some(0), ..gloss(alpha, 0.04) };
+        let mut floor = Builder::default().square(Vec3::ZERO, Vec3::Z, 1.0, material).sky(1.0);
+        let texels = [[Vec3::ZERO; 4], [Vec3::ONE; 4]].concat();
+        floor.description.textures.push(Texture::from_linear(8, 1, texels));
+        let mesh = &mut floor.description.meshes[0];
+        mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(40.0 * p.x, p.y)).collect();
+        mesh.uv_indices.clone_from(&mesh.triangles);
+        let scene = floor.view(Vec3::new(0.3, 0.0, 1.0), Vec3::ZERO, 40.0).build();
+        let mean = |method| {
+            let picture =
+                film(&scene, method, &Effort { side: 16, path_spp: 1024, spp: 64, ..Effort::default() }, 1).picture();
+            picture.iter().map(|radiance| f64::from(radiance.x)).sum::<f64>() / picture.len() as f64
+        };
+        let expected = mean(Method::Path);
+        for method in METHODS {
+            let ratio = mean(method) / expected;
+            // Stripes are met by 16,384 samples, half of them white.
+            assert!((ratio - 1.0).abs() < 0.01, "{}, alpha {alpha}: ratio {ratio}", method.name());
+        }
     }
 }
 
