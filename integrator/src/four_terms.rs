@@ -21,7 +21,7 @@ use crate::terms::indirect::{Counts, Incident, IndirectTerm};
 use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
 
-/// A band holds about so many pixels: enough for the lattice and for both cores, and a bound on the memory for surface points.
+/// A band holds about so many pixels: enough for the lattice and for many cores, and a bound on the memory for surface points.
 const BAND_PIXELS: u32 = 1 << 17;
 
 /// Renders with four terms, by the cache or by brute force.

@@ -150,3 +150,19 @@ fn the_path_tracer_has_terms_and_no_points_and_other_pixels_are_refused() {
     assert!(refused.to_string().contains("10 x 7"), "{refused}");
     assert_eq!(estimate_pixel(&scene, &settings, pixel, &|_| ()).unwrap_err(), refused, "nor is it estimated");
 }
+
+#[test]
+fn a_picture_without_noise_is_estimated_too() {
+    // The camera looks past the floor at a sky of one radiance, or of none.
+    for radiance in [1.0, 0.0] {
+        let scene = Builder::default()
+            .square(Vec3::ZERO, Vec3::Y, 1.0, lambert(0.5))
+            .sky(radiance)
+            .camera(Vec3::Y * 2.0, Vec3::Y * 9.0, Vec3::Z, 40.0)
+            .build();
+        let estimate = estimate_pixel(&scene, &settings(Method::Reproject), UVec2::ONE, &|_| ()).unwrap();
+        let errors = [estimate.error, estimate.noise, estimate.bias, estimate.bias_noise, estimate.reference_noise];
+        assert!(errors.iter().all(|&error| (0.0..1e-5).contains(&error)), "radiance {radiance}: {estimate:?}");
+        assert_eq!(estimate.reference, Vec3::splat(radiance));
+    }
+}

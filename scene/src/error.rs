@@ -70,6 +70,9 @@ pub enum BuildError {
         /// What is wrong.
         what: &'static str,
     },
+    /// All lights together: triangles and free forms that shine, the surroundings and the others.
+    #[error("lights: {0}")]
+    Lights(&'static str),
     /// The surroundings.
     #[error("environment, pixel {pixel}: {what}")]
     Environment {

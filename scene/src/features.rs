@@ -23,7 +23,7 @@ pub struct Features {
     pub absorbing: bool,
     /// Surfaces with holes (`opacity` below 1 or masked).
     pub cut_outs: bool,
-    /// Surfaces that shine but are not among the lights that are sampled: triangles and free forms with masks, and unbounded free forms.
+    /// Surfaces that shine but are not among the lights that are sampled: free forms with masks or, which scene files do not allow, without bounds.
     pub emissive_unsampled: bool,
     /// Triangles and free forms that shine and are sampled.
     pub area_lights: bool,
@@ -68,11 +68,7 @@ impl Features {
         };
         let mut used = vec![false; materials.len()];
         (0..triangles.len()).for_each(|i| used[triangles.material(i) as usize] = true);
-        materials
-            .iter()
-            .zip(used)
-            .filter(|(_, used)| *used)
-            .for_each(|(material, _)| add(material, material.opacity_texture.is_none()));
+        materials.iter().zip(used).filter(|(_, used)| *used).for_each(|(material, _)| add(material, true));
         for form in forms {
             let material = &materials[form.material as usize];
             add(material, material.opacity_texture.is_none() && form.bounds.is_some());

@@ -83,7 +83,7 @@ pub(crate) struct Medium {
     priority: i32,
 }
 
-/// Numbers and properties of the transparent bodies of a scene; empty where none has a priority.
+/// Numbers and properties of the transparent bodies of a scene; empty where none has a priority or absorbs.
 #[derive(Debug, Default)]
 pub(crate) struct MediumTable {
     /// Number by material, 0 for what is not transparent; empty where no body has a priority or absorbs.

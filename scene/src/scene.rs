@@ -28,7 +28,7 @@ pub struct Scene {
     bvh: Bvh,
     materials: Vec<Material>,
     mediums: MediumTable,
-    textures: Vec<Texture>,
+    textures: Vec<Arc<Texture>>,
     lights: Lights,
     camera: Camera,
     /// The transparent bodies in which the eye lies.
@@ -57,6 +57,7 @@ impl Scene {
                 Form::all(form, cut_out)
             })
             .collect();
+        let textures: Vec<Arc<Texture>> = textures.into_iter().map(Arc::new).collect();
         let primitives = primitives(&triangles, &forms, &materials);
         let bvh = Bvh::new(&primitives);
         let unbounded = (0u32..).zip(&forms).filter(|(_, form)| form.bounds.is_none()).map(|(i, _)| i).collect();
@@ -64,12 +65,15 @@ impl Scene {
         drop(primitives);
         let start = Instant::now();
         let lights = Lights::new(
-            triangle_lights(&triangles, &materials),
+            triangle_lights(&triangles, &materials, &textures),
             form_lights(&triangles, &forms, &materials),
             lights,
             environment,
             bounds,
         );
+        if !lights.total_flux().is_finite() {
+            return Err(BuildError::Lights("their flux is beyond single precision, so bright or large are they"));
+        }
         let light_seconds = start.elapsed().as_secs_f64();
         let features = Features::find(&triangles, &forms, &materials, &lights);
         let camera = camera.unwrap_or_else(|| Camera::framing(bounds));
@@ -147,7 +151,7 @@ impl Scene {
     }
 
     /// Returns the transparent bodies in which a point lies, the outermost first: those that a ray from there leaves and has not entered. None
-    /// where no material has a priority.
+    /// where no material has a priority or absorbs.
     #[must_use]
     pub fn media_at(&self, p: Vec3A) -> Media {
         let mut media = Media::NONE;
@@ -380,7 +384,7 @@ impl Scene {
             + self.solids().map(Solid::memory_bytes).sum::<usize>()
             + self.bvh.memory_bytes()
             + self.materials.capacity() * size_of::<Material>()
-            + self.textures.iter().map(Texture::memory_bytes).sum::<usize>()
+            + self.textures.iter().map(|texture| texture.memory_bytes()).sum::<usize>()
             + self.lights.memory_bytes()
     }
 
@@ -447,14 +451,21 @@ fn primitives(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> 
     (0..triangles.len()).map(triangle).chain(forms.iter().map(form)).collect()
 }
 
-/// Returns the triangles that shine; those whose holes are drawn by a mask are left to chance.
-fn triangle_lights(triangles: &Triangles, materials: &[Material]) -> Vec<TriangleLight> {
+/// Returns the triangles that shine.
+fn triangle_lights(triangles: &Triangles, materials: &[Material], textures: &[Arc<Texture>]) -> Vec<TriangleLight> {
     let light = |(primitive, i): (u32, usize)| {
         let material = &materials[triangles.material(i) as usize];
-        let sampled = material.is_emissive() && material.opacity_texture.is_none();
-        sampled
-            .then(|| TriangleLight::new(triangles.corners(i), material.emission * material.opacity, primitive))
-            .flatten()
+        if !material.is_emissive() {
+            return None;
+        }
+        let light = TriangleLight::new(triangles.corners(i), material.emission * material.opacity, primitive)?;
+        Some(match material.opacity_texture {
+            Some(texture) => {
+                let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|barycentrics| triangles.uv(i, barycentrics));
+                light.with_mask(textures[texture as usize].clone(), uvs)
+            }
+            None => light,
+        })
     };
     (0u32..).zip(0..triangles.len()).filter_map(light).collect()
 }

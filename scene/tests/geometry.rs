@@ -431,6 +431,8 @@ fn what_is_wrong_is_refused_by_name() {
     };
     assert!(named(&|m| m.diffuse.x = 1.5).starts_with("material \"m\" (0): the diffuse"), "albedo above 1");
     assert!(named(&|m| m.emission.y = f32::INFINITY).contains("emission"), "an infinite emission");
+    let bright = named(&|m| m.emission = Vec3::splat(3e38));
+    assert_eq!(bright, "lights: their flux is beyond single precision, so bright or large are they", "too much light");
     assert!(named(&|m| m.opacity = f32::NAN).contains("opacity"), "opacity");
     assert!(named(&|m| m.diffuse_texture = Some(0)).contains("texture"), "a texture");
     let noise = Noise {

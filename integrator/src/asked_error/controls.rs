@@ -73,6 +73,8 @@ impl Controls {
     /// The mean square of the picture's relative bias: what the difference from the paths has beyond the noise of both; and the standard error of that.
     /// Pixels where that noise is large beside the error asked for count little.
     pub(super) fn bias_sq(&self, measure: &Measure, asked: f32) -> [f32; 2] {
+        /// Variance that is about that of rounding: a picture of nothing but sky has none, and yet its pixels have a weight.
+        const LEAST_NOISE: f64 = 1e-12;
         let groups = self.groups as f64;
         let (mut sum, mut total, mut variance) = (0.0, 0.0, 0.0);
         for control in &self.pixels {
@@ -82,7 +84,7 @@ impl Controls {
             let of_paths = (control.sum_sq / groups - mean * mean).max(0.0) / (groups - 1.0) / scale_sq;
             let noise = of_paths + f64::from(measure.around(pixel));
             let difference_sq = (mean - f64::from(measure.mean[pixel])).powi(2) / scale_sq;
-            let weight = (noise + f64::from(0.25 * asked * asked)).powi(-2);
+            let weight = (noise + f64::from(0.25 * asked * asked)).max(LEAST_NOISE).powi(-2);
             sum += weight * (difference_sq - noise);
             total += weight;
             // As if the noise were normal.

@@ -7,11 +7,12 @@
 //! Arvo 1995: Stratified Sampling of Spherical Triangles. Van Oosterom, Strackee 1983: The Solid Angle of a Plane Triangle.
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
-use crate::{Ray, Surface, surface};
+use crate::{Ray, Surface, Texture, surface};
 
 /// An emissive triangle.
 #[derive(Debug, Clone)]
@@ -22,10 +23,22 @@ pub(crate) struct TriangleLight {
     area: f32,
     /// Length of the longest edge, squared.
     size_sq: f32,
-    /// Radiance, W m^-2 sr^-1.
+    /// Radiance, W m^-2 sr^-1; where a mask lets it through.
     pub(super) radiance: Vec3,
     /// Its index among the scene's primitives.
     pub(super) primitive: u32,
+    /// What draws holes into it.
+    pub(super) mask: Option<Box<Mask>>,
+}
+
+/// A picture of which share of a triangle is there.
+#[derive(Debug, Clone)]
+pub(crate) struct Mask {
+    pub(crate) texture: Arc<Texture>,
+    /// Texture coordinates of the corners.
+    pub(crate) uvs: [Vec2; 3],
+    /// About the mean share, by which light is chosen: above 0, for there may be something that was not seen.
+    share: f32,
 }
 
 /// A triangle is far if its squared distance is at least this many times its longest edge's square: distances then differ by a tenth.
@@ -45,13 +58,36 @@ impl TriangleLight {
         let normal = area_normal.try_normalize()?.as_vec3a();
         let area = 0.5 * area_normal.length();
         let size_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-        let light = Self { corners, normal, area: narrow(area), size_sq: narrow(size_sq), radiance, primitive };
+        let (area, size_sq) = (narrow(area), narrow(size_sq));
+        let light = Self { corners, normal, area, size_sq, radiance, primitive, mask: None };
         (light.area > 0.0 && radiance.max_element() > 0.0).then_some(light)
     }
 
-    /// Returns the flux, W.
+    /// Draws holes into it.
+    pub(crate) fn with_mask(self, texture: Arc<Texture>, uvs: [Vec2; 3]) -> Self {
+        Self { mask: Some(Box::new(Mask::new(texture, uvs))), ..self }
+    }
+
+    /// Returns the flux, W; with a mask about that.
     pub(super) fn flux(&self) -> Vec3 {
-        self.radiance * (PI * self.area)
+        self.radiance * (PI * self.area * self.mask.as_ref().map_or(1.0, |mask| mask.share))
+    }
+
+    /// Returns the radiance of a point of it: of all rays that meet it there, some pass.
+    #[inline]
+    fn radiance_at(&self, p: Vec3A) -> Vec3 {
+        match &self.mask {
+            None => self.radiance,
+            Some(mask) => self.radiance * mask.at(self.barycentrics(p)),
+        }
+    }
+
+    /// Returns the barycentrics of a point in the plane, those of the second and the third corner.
+    fn barycentrics(&self, p: Vec3A) -> Vec2 {
+        let [a, b, c] = self.corners.map(Vec3A::from);
+        let normal = (b - a).cross(c - a);
+        let share = |edge: Vec3A, other: Vec3A| edge.cross(other).dot(normal) / normal.length_squared();
+        Vec2::new(share(p - a, c - a), share(b - a, p - a))
     }
 
     /// Returns the triangle as `p` sees it; `None` from behind.
@@ -72,7 +108,8 @@ impl TriangleLight {
 
     pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {
         let largest = self.corners.iter().fold(Vec3::ZERO, |largest, corner| largest.max(corner.abs()));
-        leave(self.point(u_position), self.normal, largest.into(), u_direction, self.flux())
+        let p = self.point(u_position);
+        leave(p, self.normal, largest.into(), u_direction, self.radiance_at(p) * (PI * self.area))
     }
 
     /// Returns a point that is uniform over the area.
@@ -92,6 +129,26 @@ impl TriangleLight {
             return None;
         }
         SphericalTriangle::new(self.corners.map(|corner| corner.as_dvec3() - p.as_dvec3()))
+    }
+}
+
+impl Mask {
+    fn new(texture: Arc<Texture>, uvs: [Vec2; 3]) -> Self {
+        /// Places along an edge.
+        const SIDE: u16 = 16;
+        const LEAST_SHARE: f32 = 1.0 / 64.0;
+        let mut mask = Self { texture, uvs, share: 1.0 };
+        let places = (0..SIDE)
+            .flat_map(|i| (0..SIDE - i).map(move |j| (Vec2::new(i.into(), j.into()) + 1.0 / 3.0) / f32::from(SIDE)));
+        let (sum, count) = places.fold((0.0, 0.0), |(sum, count), place| (sum + mask.at(place), count + 1.0));
+        mask.share = (sum / count).max(LEAST_SHARE);
+        mask
+    }
+
+    /// Returns the share that is there at these barycentrics.
+    fn at(&self, barycentrics: Vec2) -> f32 {
+        let [a, b, c] = self.uvs;
+        self.texture.mask(a * (1.0 - barycentrics.element_sum()) + b * barycentrics.x + c * barycentrics.y)
     }
 }
 
@@ -127,10 +184,12 @@ impl SeenTriangle<'_> {
                 let normal = (b - a).cross(c - a);
                 let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
                 let pdf = narrow(1.0 / triangle.solid_angle) * probability;
-                LightSample::of_surface(wi, narrow(distance), light.radiance, pdf)
+                let distance = narrow(distance);
+                LightSample::of_surface(wi, distance, light.radiance_at(*p + wi * distance), pdf)
             }
             None => {
-                let offset = light.point(u) - *p;
+                let point = light.point(u);
+                let offset = point - *p;
                 let distance_sq = offset.length_squared();
                 let distance = distance_sq.sqrt();
                 let wi = offset / distance;
@@ -138,7 +197,7 @@ impl SeenTriangle<'_> {
                     return None;
                 }
                 let pdf = pdf_by_area(-light.normal.dot(wi), light.area, distance_sq) * probability;
-                LightSample::of_surface(wi, distance, light.radiance, pdf)
+                LightSample::of_surface(wi, distance, light.radiance_at(point), pdf)
             }
         }
     }

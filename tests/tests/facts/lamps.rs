@@ -3,9 +3,11 @@
 use std::f64::consts::PI;
 
 use freeform::{FreeForm, Psi, Quadric, Solid};
-use glam::{DAffine3, DVec3, Vec3};
-use scene::Material;
-use tests::{Builder, Effort, METHODS, icosphere, lambert, lamp, measure, polygon_irradiance, sphere_irradiance};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
+use scene::{Material, Texture};
+use tests::{
+    Builder, Effort, METHODS, icosphere, lambert, lamp, measure, mirror, polygon_irradiance, sphere_irradiance,
+};
 
 /// The half width of the floor on which light is measured, metres.
 const FLOOR: f32 = 0.05;
@@ -106,6 +108,32 @@ fn free_forms_that_fill_their_boxes_in_part_are_unbiased() {
     for method in METHODS {
         let effort = Effort { path_spp: 128, spp: 128, seeds: 2, ..Effort::default() };
         measure(&scene, method, &effort, known).assert_unbiased("a turned box");
+    }
+}
+
+#[test]
+fn lamps_shine_through_their_masks_straight_and_by_mirrors() {
+    // Of a square lamp only the half at y < 0 is there, the other half is a hole. Light comes to the floor straight, or by a mirror beside it, which shows
+    // the lamp a second time.
+    let square = [(-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5), (0.5, -0.5)].map(|(x, y)| Vec3::new(x, y, 1.0));
+    let half = |x: f64| [(-0.5, -0.5), (-0.5, 0.0), (0.5, 0.0), (0.5, -0.5)].map(|(s, y)| DVec3::new(x + s, y, 1.0));
+    let masked = Material { opacity_texture: Some(0), ..lamp(1.0) };
+    let mut straight = floor(Vec3::Z).polygon(&square, masked);
+    // Nearest to an edge that the filter leaves.
+    straight.description.textures.push(Texture::from_linear(1, 1024, [[Vec3::ONE; 512], [Vec3::ZERO; 512]].concat()));
+    let mesh = &mut straight.description.meshes[1];
+    mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(0.5, 0.001 + 0.998 * (p.y + 0.5))).collect();
+    mesh.uv_indices.clone_from(&mesh.triangles);
+    let known =
+        |images: &[f64], p: DVec3| images.iter().map(|&x| polygon_irradiance(&half(x), p, DVec3::Z) / PI).sum::<f64>();
+    let effort = Effort { path_spp: 256, spp: 256, seeds: 2, ..Effort::default() };
+    let scene = straight.clone().build();
+    assert!(!scene.features().emissive_unsampled, "they are sampled");
+    // A mirror at x = -0.75, whose front looks along x, makes an image at x = -1.5.
+    let mirrored = straight.square(Vec3::X * -0.75, Vec3::X, 100.0, mirror(1.0)).build();
+    for method in METHODS {
+        measure(&scene, method, &effort, |p| known(&[0.0], p)).assert_unbiased("straight");
+        measure(&mirrored, method, &effort, |p| known(&[0.0, -1.5], p)).assert_holds("by a mirror too");
     }
 }
 

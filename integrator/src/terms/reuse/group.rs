@@ -20,7 +20,7 @@ pub(super) struct Group<'a> {
     pub(super) guide: Option<&'a Guide>,
     /// Samples of a batch for each point.
     pub(super) count: u32,
-    /// See [`Plan::lobe_parallax`].
+    /// See [`LobePlan::parallax`](crate::plan::LobePlan::parallax).
     pub(super) parallax: f32,
 }
 
