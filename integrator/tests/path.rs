@@ -153,7 +153,12 @@ fn light_through_a_pane_is_caustic_below_and_specular_above() {
 
 #[test]
 fn light_that_overflows_is_dropped_and_counted() {
-    let scene = Builder::default().cube_room(&Material { diffuse: Vec3::splat(0.9), ..lamp(3e38) }).build();
+    // Two sheets so small that their flux is within single precision, though not the light that they send each other.
+    let bright = Material { diffuse: Vec3::splat(0.9), ..lamp(3e38) };
+    let scene = Builder::default()
+        .square(Vec3::X * 0.01, Vec3::NEG_X, 0.1, bright.clone())
+        .square(Vec3::NEG_X * 0.01, Vec3::X, 0.1, bright)
+        .build();
     let mut tracer = PathTracer::new(&scene);
     let sample = tracer.trace(&Ray::new(Vec3A::ZERO, Vec3A::X), &mut Sampler::new(0, 0, 0));
     assert_eq!(tracer.dropped_samples, 1, "3e38 and more on top is infinite");
