@@ -138,6 +138,39 @@ pub enum PunctualLight {
     },
 }
 
+impl Material {
+    /// Whether some rays pass; a dielectric lets them pass by itself.
+    pub(crate) fn is_cut_out(&self) -> bool {
+        self.opacity < 1.0 || self.opacity_texture.is_some()
+    }
+
+    pub(crate) fn is_emissive(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
+
+    /// Whether there is a diffuse part: not on glass, nor where the specular part leaves nothing. Textures and noise do not matter, although they may be
+    /// black in places; [`Bsdf::has_diffuse`](crate::Bsdf::has_diffuse) tells of one point.
+    ///
+    /// ```
+    /// use scene::{Material, SpecularKind, glam::Vec3};
+    ///
+    /// let grey = Material { diffuse: Vec3::splat(0.5), ..Material::default() };
+    /// assert!(grey.is_diffuse());
+    /// let silver = SpecularKind::Mirror { reflectance: Vec3::ONE };
+    /// assert!(!Material { specular: silver, ..grey }.is_diffuse());
+    /// ```
+    #[must_use]
+    pub fn is_diffuse(&self) -> bool {
+        match self.specular {
+            SpecularKind::None => self.diffuse != Vec3::ZERO,
+            SpecularKind::Ggx { reflectance, .. } | SpecularKind::Mirror { reflectance } => {
+                self.diffuse * (Vec3::ONE - reflectance) != Vec3::ZERO
+            }
+            SpecularKind::Dielectric { .. } => false,
+        }
+    }
+}
+
 impl Default for Material {
     /// Grey Lambert of albedo 0.5, opaque and dark.
     fn default() -> Self {

@@ -49,8 +49,7 @@ impl Features {
             ..Self::default()
         };
         let mut add = |material: &Material, is_sampled: bool| {
-            let is_diffuse =
-                material.diffuse != Vec3::ZERO && !matches!(material.specular, SpecularKind::Dielectric { .. });
+            let is_diffuse = material.is_diffuse();
             features.diffuse |= is_diffuse;
             if let SpecularKind::Ggx { alpha, .. } = material.specular {
                 features.glossy = true;

@@ -12,6 +12,7 @@ mod environment;
 mod error;
 mod features;
 mod form;
+mod holes;
 mod light;
 mod load;
 mod material;

@@ -9,9 +9,9 @@ use glam::{UVec2, Vec2, Vec3, Vec3A};
 use crate::bvh::{Bvh, Primitive};
 use crate::check;
 use crate::form::Form;
+use crate::holes::{behind, ray_hash};
 use crate::light::{Areas, FormLight, TriangleLight};
 use crate::media::MediumTable;
-use crate::mix;
 use crate::triangles::Triangles;
 use crate::{
     Aabb, Bsdf, BuildError, Camera, Description, Features, Hit, Lights, Material, Media, Ray, Specular, SpecularKind,
@@ -122,14 +122,19 @@ impl Scene {
     /// Returns the nearest hit, whether or not something is hidden there.
     #[inline]
     pub(crate) fn nearest(&self, ray: &Ray) -> Option<Hit> {
-        let mut nearest =
-            self.bvh.closest(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit));
+        self.nearest_where(ray, |hit| self.is_there(ray, hit))
+    }
+
+    /// Returns the nearest hit, where `keep` says of surfaces with holes that they are there.
+    #[inline]
+    pub(crate) fn nearest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        let mut nearest = self.bvh.closest(ray, |form, range| self.meet_form(form, range, &keep), &keep);
         if !self.unbounded.is_empty() && ray.is_valid() {
             let mut range = *ray;
             for &form in &self.unbounded {
                 range.t_max = nearest.map_or(ray.t_max, |hit| hit.t);
                 let primitive = self.form_primitive(form);
-                nearest = self.meet_form(primitive, &range, ray).or(nearest);
+                nearest = self.meet_form(primitive, &range, &keep).or(nearest);
             }
         }
         nearest
@@ -180,10 +185,11 @@ impl Scene {
         if !ray.media.is_empty() {
             return self.intersect(ray).is_some();
         }
-        self.bvh.any(ray, |form, range| self.meet_form(form, range, ray), |hit| self.is_there(ray, hit))
+        let keep = |hit: &Hit| self.is_there(ray, hit);
+        self.bvh.any(ray, |form, range| self.meet_form(form, range, keep), keep)
             || (!self.unbounded.is_empty()
                 && ray.is_valid()
-                && self.unbounded.iter().any(|&form| self.meet_form(self.form_primitive(form), ray, ray).is_some()))
+                && self.unbounded.iter().any(|&form| self.meet_form(self.form_primitive(form), ray, keep).is_some()))
     }
 
     /// Returns the point that a ray met.
@@ -397,11 +403,10 @@ impl Scene {
         u32::try_from(self.triangles.len()).unwrap_or(u32::MAX) + form
     }
 
-    /// Returns where a ray of shortened range meets a free form; `whole` is the ray before, whose bits decide about holes.
+    /// Returns where a ray of shortened range meets a free form, where `keep` says that it is there.
     #[inline]
-    fn meet_form(&self, primitive: u32, range: &Ray, whole: &Ray) -> Option<Hit> {
-        let form = &self.forms[primitive as usize - self.triangles.len()];
-        form.first_hit(primitive, range, |hit| self.is_there(whole, hit))
+    fn meet_form(&self, primitive: u32, range: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        self.forms[primitive as usize - self.triangles.len()].first_hit(primitive, range, keep)
     }
 
     /// Whether a surface that may have holes is there for this ray.
@@ -416,24 +421,6 @@ impl Scene {
         let material = &self.materials[material as usize];
         let mask = material.opacity_texture.map_or(1.0, |texture| self.textures[texture as usize].mask(uv));
         ray_hash(ray, hit.primitive, place) < material.opacity * mask
-    }
-}
-
-/// Returns the ray parameter from which on a ray that passes a surface at `t` looks for the next. The margin is for rays through the edge of
-/// two triangles, which may meet both; what is nearer behind one another than a millionth of `t` is passed together.
-fn behind(t: f32) -> f32 {
-    const MARGIN: f32 = 8.0 * f32::EPSILON;
-    (t * (1.0 + MARGIN)).max(t.next_up())
-}
-
-impl Material {
-    /// Whether some rays pass; a dielectric lets them pass by itself.
-    pub(crate) fn is_cut_out(&self) -> bool {
-        self.opacity < 1.0 || self.opacity_texture.is_some()
-    }
-
-    pub(crate) fn is_emissive(&self) -> bool {
-        self.emission != Vec3::ZERO
     }
 }
 
@@ -484,15 +471,4 @@ fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) ->
             .flatten()
     };
     (first..).zip(forms).filter_map(light).collect()
-}
-
-/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on the place on it.
-fn ray_hash(ray: &Ray, primitive: u32, place: u32) -> f32 {
-    let [ox, oy, oz] = ray.origin.to_array().map(|x| u64::from(x.to_bits()));
-    let [dx, dy, dz] = ray.direction.to_array().map(|x| u64::from(x.to_bits()));
-    let mut hash = 0u64;
-    for word in [ox << 32 | oy, oz << 32 | dx, dy << 32 | dz, u64::from(place) << 32 | u64::from(primitive)] {
-        hash = mix::mixed((hash ^ word).wrapping_add(mix::STEP));
-    }
-    (hash >> 40) as f32 / (1u64 << 24) as f32
 }

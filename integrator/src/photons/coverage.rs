@@ -6,7 +6,7 @@
 
 use glam::Vec3A;
 use hemimap::{Frame, square_to_disk};
-use scene::{Ray, Scene};
+use scene::{Ray, Scene, Surface};
 
 use super::map::{SAME_NORMAL, SAME_PLANE};
 use crate::Rng;
@@ -59,10 +59,14 @@ pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, kern
         let way = frame.s * disk.x + frame.t * disk.y - n * height;
         let distance = way.length();
         let ray = Ray::new(apex, way / distance);
-        let is_there = scene.intersect(&ray).is_some_and(|hit| {
-            let surface = scene.surface(&ray, &hit);
-            surface.ng.dot(n) > SAME_NORMAL && (surface.p - p).dot(n).abs() < SAME_PLANE * radius
-        });
+        let counts = |surface: Surface| {
+            surface.ng.dot(n) > SAME_NORMAL
+                && (surface.p - p).dot(n).abs() < SAME_PLANE * radius
+                && scene.materials()[surface.material as usize].is_diffuse()
+        };
+        let hit = scene.intersect(&ray);
+        let is_there = hit.is_some_and(|hit| counts(scene.surface(&ray, &hit)))
+            || scene.holes(&ray, hit.map_or(ray.t_max, |hit| hit.t)).any(counts);
         total += weight;
         if is_there {
             covered += weight;

@@ -235,7 +235,14 @@ impl Shot {
         let mut kept = 0;
         for bounce in 0..MAX_BOUNCES {
             self.rays += 1;
-            let Some(hit) = scene.intersect(&ray) else {
+            let hit = scene.intersect(&ray);
+            let end = hit.map_or(ray.t_max, |hit| hit.t);
+            // What arrives at a surface that is there in part arrives at its holes, too.
+            for hole in scene.holes(&ray, end).filter(|hole| bounce > 0 && is_kept(scene, hole)) {
+                self.photons.push(&hole, flux * (scene.transmittance(&hole) * received(&hole, ray.direction)));
+                kept += 1;
+            }
+            let Some(hit) = hit else {
                 balance.escaped += flux.as_dvec3();
                 return kept;
             };
@@ -246,9 +253,8 @@ impl Shot {
 
             let bsdf = scene.bsdf(&surface);
             let towards_source = -ray.direction;
-            if bounce > 0 && bsdf.has_diffuse() {
-                let received = cosine_ratio(&surface, towards_source).min(MAX_CORRECTION);
-                self.photons.push(&surface, flux * received);
+            if bounce > 0 && is_kept(scene, &surface) {
+                self.photons.push(&surface, flux * received(&surface, ray.direction));
                 kept += 1;
             }
             if kind == Kind::Caustic && !bsdf.has_delta() {
@@ -293,6 +299,16 @@ impl Shot {
         balance.stopped += flux.as_dvec3();
         kept
     }
+}
+
+/// Whether photons count on a surface. They do where a texture is black, too: places beside it, where it is not, count the photons around them.
+fn is_kept(scene: &Scene, surface: &Surface) -> bool {
+    scene.materials()[surface.material as usize].is_diffuse()
+}
+
+/// Returns what a flux is worth on a surface with interpolated normals.
+fn received(surface: &Surface, direction: Vec3A) -> f32 {
+    cosine_ratio(surface, direction).min(MAX_CORRECTION)
 }
 
 /// Returns |cos(w, n)| / |cos(w, ng)|: how much more light the shading normal makes of a flux than the surface receives.

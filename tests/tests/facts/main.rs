@@ -5,6 +5,7 @@
 
 mod bands;
 mod bounces;
+mod caustics;
 mod furnace;
 mod glass;
 mod lamps;

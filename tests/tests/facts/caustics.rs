@@ -1,0 +1,71 @@
+//! Caustics on surfaces that are diffuse, or there, only in places: photons beside those places count, too.
+
+use glam::{Vec2, Vec3};
+use integrator::Method;
+use scene::{Material, Texture};
+use tests::{Builder, Effort, film, gloss, lambert, lamp, mirror, print};
+
+/// A lamp before a mirror, above what is to be looked at in z = 0.
+fn lit(floor: Builder) -> Builder {
+    floor
+        .square(Vec3::new(0.0, -1.0, 0.9), Vec3::new(0.0, 1.0, -0.2), 0.4, lamp(8.0))
+        .square(Vec3::new(0.0, 1.2, 0.7), Vec3::new(0.0, -1.0, -0.1), 0.7, mirror(0.9))
+        .view(Vec3::new(0.2, 0.1, 2.5), Vec3::ZERO, 40.0)
+}
+
+/// A floor with stripes that are narrower than the discs that photons are counted in.
+fn striped(material: Material, [dark, bright]: [Vec3; 2]) -> Builder {
+    let mut floor = Builder::default().square(Vec3::ZERO, Vec3::Z, 1.5, material);
+    floor.description.textures.push(Texture::from_linear(8, 1, [[dark; 4], [bright; 4]].concat()));
+    let mesh = &mut floor.description.meshes[0];
+    mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(20.0 * p.x, p.y)).collect();
+    mesh.uv_indices.clone_from(&mesh.triangles);
+    floor
+}
+
+/// Asserts that every method finds as much of the caustic as the path tracer, but for `bound` of it.
+fn assert_caustic(name: &str, floor: Builder, bound: f64) {
+    let scene = lit(floor).build();
+    let effort = Effort { side: 64, path_spp: 1024, spp: 16, ..Effort::default() };
+    let mean = |method, seed| {
+        let caustic = film(&scene, method, &effort, seed).caustic;
+        caustic.iter().map(|radiance| f64::from(radiance.x)).sum::<f64>() / caustic.len() as f64
+    };
+    let expected = mean(Method::Path, 1);
+    assert!(expected > 1e-3, "{name}: there is a caustic");
+    for method in [Method::Gather, Method::Reproject, Method::CacheOnly] {
+        let ratio = (2..6).map(|seed| mean(method, seed)).sum::<f64>() / 4.0 / expected;
+        print(&format!("{name}, {}: ratio {ratio:.4}", method.name()));
+        assert!((ratio - 1.0).abs() < bound, "{name}, {}: ratio {ratio}", method.name());
+    }
+}
+
+#[test]
+fn caustics_on_pictures_that_are_black_in_parts() {
+    let material = Material { diffuse_texture: Some(0), ..lambert(0.8) };
+    assert_caustic("plain", Builder::default().square(Vec3::ZERO, Vec3::Z, 1.5, lambert(0.8)), 0.02);
+    assert_caustic("stripes", striped(material, [Vec3::ZERO, Vec3::ONE]), 0.02);
+}
+
+#[test]
+fn caustics_on_surfaces_with_holes() {
+    for opacity in [0.7, 0.3] {
+        let veil = Material { opacity, ..lambert(0.8) };
+        assert_caustic(&format!("opacity {opacity}"), Builder::default().square(Vec3::ZERO, Vec3::Z, 1.5, veil), 0.03);
+    }
+    let cut = Material { opacity_texture: Some(0), ..lambert(0.8) };
+    assert_caustic("mask", striped(cut, [Vec3::ZERO, Vec3::ONE]), 0.02);
+}
+
+#[test]
+fn caustics_beside_what_is_not_diffuse() {
+    // Boards of a floor: every second one has nothing that a photon could count for.
+    for (name, other) in [("mirror", mirror(0.5)), ("gloss", gloss(0.3, 0.5)), ("black", lambert(0.0))] {
+        let boards = (-6..6).fold(Builder::default(), |floor, board| {
+            let [left, right] = [board, board + 1].map(|edge| 0.25 * edge as f32);
+            let corners = [(left, -1.5), (right, -1.5), (right, 1.5), (left, 1.5)].map(|(x, y)| Vec3::new(x, y, 0.0));
+            floor.polygon(&corners, if board % 2 == 0 { lambert(0.8) } else { other.clone() })
+        });
+        assert_caustic(&format!("boards, {name}"), boards, 0.02);
+    }
+}
