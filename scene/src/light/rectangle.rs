@@ -23,6 +23,8 @@ pub(crate) struct RectangleLight {
     lengths: Vec2,
     /// Unit normal of the front.
     normal: Vec3A,
+    /// Points are seen from so far in front, as with triangles, metres.
+    clearance: f32,
     /// Radiance, W m^-2 sr^-1.
     radiance: Vec3,
     /// The first of its two triangles among the scene's primitives; the second one follows it.
@@ -69,6 +71,7 @@ impl RectangleLight {
             axes: [Vec3A::from(x) / lengths.x, Vec3A::from(y) / lengths.y],
             lengths,
             normal: first.normal,
+            clearance: first.clearance.max(second.clearance),
             radiance: first.radiance,
             primitive: first.primitive,
         })
@@ -103,7 +106,8 @@ impl RectangleLight {
     /// Returns the rectangle as `p` sees it; `None` from behind.
     #[inline]
     pub(super) fn seen_from(&self, p: Vec3A) -> Option<SeenRectangle<'_>> {
-        (self.normal.dot(self.corner - p) < 0.0).then(|| SeenRectangle { light: self, p, near: self.near(p) })
+        let is_front = self.normal.dot(p - self.corner) > self.clearance;
+        is_front.then(|| SeenRectangle { light: self, p, near: self.near(p) })
     }
 
     /// Returns the density of a direction in which a ray from `p` met this rectangle at `surface`, per steradian.

@@ -21,6 +21,8 @@ pub(crate) struct TriangleLight {
     /// Unit normal of the front.
     pub(super) normal: Vec3A,
     area: f32,
+    /// Points are seen from so far in front, metres: nearer ones may be rounded points of the plane itself, or of the back.
+    pub(super) clearance: f32,
     /// Length of the longest edge, squared.
     size_sq: f32,
     /// Radiance, W m^-2 sr^-1; where a mask lets it through.
@@ -59,7 +61,8 @@ impl TriangleLight {
         let area = 0.5 * area_normal.length();
         let size_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
         let (area, size_sq) = (narrow(area), narrow(size_sq));
-        let light = Self { corners, normal, area, size_sq, radiance, primitive, mask: None };
+        let clearance = clearance(normal, largest(&corners));
+        let light = Self { corners, normal, area, clearance, size_sq, radiance, primitive, mask: None };
         (light.area > 0.0 && radiance.max_element() > 0.0).then_some(light)
     }
 
@@ -93,23 +96,27 @@ impl TriangleLight {
     /// Returns the triangle as `p` sees it; `None` from behind.
     #[inline]
     pub(super) fn seen_from(&self, p: Vec3A) -> Option<SeenTriangle<'_>> {
-        let is_front = self.normal.dot(Vec3A::from(self.corners[0]) - p) < 0.0;
-        is_front.then(|| SeenTriangle { light: self, p, near: self.near(p) })
+        self.is_seen_from(p).then(|| SeenTriangle { light: self, p, near: self.near(p) })
+    }
+
+    #[inline]
+    fn is_seen_from(&self, p: Vec3A) -> bool {
+        self.normal.dot(p - Vec3A::from(self.corners[0])) > self.clearance
     }
 
     /// Returns the density of a direction in which a ray from `p` met this triangle at `surface`, per steradian.
     #[inline]
     pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
         match self.near(p) {
+            _ if !self.is_seen_from(p) => 0.0,
             Some(triangle) => narrow(1.0 / triangle.solid_angle),
             None => pdf_by_area(-self.normal.dot(wi), self.area, surface.p.distance_squared(p)),
         }
     }
 
     pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {
-        let largest = self.corners.iter().fold(Vec3::ZERO, |largest, corner| largest.max(corner.abs()));
         let p = self.point(u_position);
-        leave(p, self.normal, largest.into(), u_direction, self.radiance_at(p) * (PI * self.area))
+        leave(p, self.normal, largest(&self.corners), u_direction, self.radiance_at(p) * (PI * self.area))
     }
 
     /// Returns a point that is uniform over the area.
@@ -152,12 +159,28 @@ impl Mask {
     }
 }
 
+/// Returns the largest coordinates of points, by magnitude.
+fn largest(points: &[Vec3]) -> Vec3A {
+    points.iter().fold(Vec3::ZERO, |largest, p| largest.max(p.abs())).into()
+}
+
+/// Returns how far from the plane of a flat light, whose coordinates are at most `largest`, points may be that are meant to lie in it.
+fn clearance(normal: Vec3A, largest: Vec3A) -> f32 {
+    // The point is rounded, and so is the way from it to the plane.
+    2.0 * position_error(normal, largest)
+}
+
+/// Returns how far from a plane interpolated points of it may be where coordinates are at most `largest`.
+fn position_error(normal: Vec3A, largest: Vec3A) -> f32 {
+    largest.dot(normal.abs()) * POSITION_ERROR
+}
+
 /// Starts a photon at the point `p` of a flat light whose coordinates are at most `largest`, in a direction of density cos(theta) / pi.
 pub(super) fn leave(p: Vec3A, normal: Vec3A, largest: Vec3A, u_direction: Vec2, flux: Vec3) -> Emission {
     let frame = hemimap::Frame::from_normal(normal);
     let direction = frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction));
-    let p_error = largest.dot(normal.abs()) * POSITION_ERROR;
-    Emission { ray: Ray::new(surface::offset(p, normal, p_error, direction), direction), flux }
+    let origin = surface::offset(p, normal, position_error(normal, largest), direction);
+    Emission { ray: Ray::new(origin, direction), flux }
 }
 
 /// A triangle and who sees it.

@@ -6,7 +6,7 @@ use freeform::{FreeForm, Psi, Quadric, Solid};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use scene::{Material, Texture};
 use tests::{
-    Builder, Effort, METHODS, icosphere, lambert, lamp, measure, mirror, polygon_irradiance, sphere_irradiance,
+    Builder, Effort, METHODS, film, icosphere, lambert, lamp, measure, mirror, polygon_irradiance, sphere_irradiance,
 };
 
 /// The half width of the floor on which light is measured, metres.
@@ -198,5 +198,33 @@ fn tiny_light_near_a_surface_is_direct_alone() {
     let known = |p: DVec3| 0.5 * polygon_irradiance(&corners, p, DVec3::Z) / PI;
     for method in METHODS {
         measure(&scene, method, &Effort::default(), known).assert_unbiased("tiny lamp");
+    }
+}
+
+#[test]
+fn fronts_do_not_light_their_own_backs() {
+    // Points of the back are rounded: some lie in front of the plane, from where the lamp would fill the hemisphere.
+    let (centre, normal) = (Vec3::new(1.37, -2.71, 3.3), Vec3::new(0.3, -0.4, 0.9).normalize());
+    let frame = hemimap::Frame::from_normal(normal.into());
+    let corner = |angle: f32| centre + 0.7 * Vec3::from(frame.s * angle.cos() + frame.t * angle.sin());
+    let regular = |count: u32| -> Vec<Vec3> {
+        (0..count).map(|i| corner(std::f32::consts::TAU * (i as f32 + 0.3) / count as f32)).collect()
+    };
+    for (count, what) in [(3, "a triangle"), (4, "a square"), (7, "triangles side by side")] {
+        let front = regular(count);
+        let back: Vec<Vec3> = front.iter().rev().copied().collect();
+        let seen = || Builder::default().view(centre - normal * 2.0, centre, 10.0);
+        let white = Material { diffuse: Vec3::ONE, ..lamp(1.0) };
+        let with_back = seen().polygon(&front, white);
+        let with_plate = seen().polygon(&front, lamp(1.0)).polygon(&back, lambert(1.0));
+        for scene in [with_back, with_plate].map(Builder::build) {
+            for method in METHODS {
+                let picture = film(&scene, method, &Effort::default(), 0).picture();
+                assert!(
+                    picture.iter().all(|&radiance| radiance == Vec3::ZERO),
+                    "{what}, {method:?}: light on its back"
+                );
+            }
+        }
     }
 }
