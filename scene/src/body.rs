@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use freeform::{Bounds, Crossing, Ray, Solid};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
+
+use crate::projection::Projector;
 
 /// A solid, or a copy of one at another place.
 #[derive(Debug, Clone)]
@@ -70,6 +72,11 @@ impl Body {
     pub(crate) fn normal_at(&self, part: u32, p: DVec3, direction: DVec3) -> DVec3 {
         let n = self.solid.normal_at(part, self.local_point(p), self.local_vector(direction));
         self.from_world.as_ref().map_or(n, |m| (m.matrix3.transpose() * n).normalize_or(-direction))
+    }
+
+    /// Returns the texture coordinates of a point with outward normal `n`, both in the frame of the solid.
+    pub(crate) fn texture_coordinates(&self, projector: Option<&Projector>, p: DVec3, n: DVec3) -> DVec2 {
+        projector.map_or_else(|| self.solid.texture_coordinates(p), |projector| projector.coordinates(p, n))
     }
 
     /// Returns a box of the world that holds the body; `None` where it may have no end.

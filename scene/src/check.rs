@@ -1,5 +1,7 @@
 //! Checks every number and index of a description once, so that nothing else has to.
 
+use std::collections::HashSet;
+
 use freeform::Bounds;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
@@ -35,12 +37,21 @@ pub(crate) fn check(description: &Description) -> Result<(), BuildError> {
     for (index, form) in description.forms.iter().enumerate() {
         check_form(index, form, description.materials.len())?;
     }
+    let ranges: Vec<_> = description.textures.iter().map(Texture::range).collect();
     for (index, material) in description.materials.iter().enumerate() {
-        check_material(index, material, description.textures.len())?;
+        check_material(index, material, &ranges)?;
     }
     check_media(&description.materials)?;
-    for (index, texture) in description.textures.iter().enumerate() {
-        check_texture(index, texture)?;
+    let emission: HashSet<u32> =
+        description.materials.iter().filter_map(|material| material.emission_texture).collect();
+    let reflection: HashSet<u32> = description
+        .materials
+        .iter()
+        .flat_map(|material| material.diffuse_texture.into_iter().chain(material.opacity_texture))
+        .collect();
+    for (index, &range) in (0..).zip(&ranges) {
+        let shines = emission.contains(&index) && !reflection.contains(&index);
+        check_texture(index as usize, range, if shines { f32::MAX } else { 1.0 })?;
     }
     for (index, light) in description.lights.iter().enumerate() {
         check_light(index, light)?;
@@ -153,16 +164,20 @@ fn check_media(materials: &[Material]) -> Result<(), BuildError> {
     Ok(())
 }
 
-fn check_material(index: usize, material: &Material, textures: usize) -> Result<(), BuildError> {
-    let missing = |texture: Option<u32>| texture.is_some_and(|t| t as usize >= textures);
+/// Checks a material; of each texture the least and the greatest value are known.
+fn check_material(index: usize, material: &Material, textures: &[(f32, f32)]) -> Result<(), BuildError> {
+    let used = [material.diffuse_texture, material.emission_texture, material.opacity_texture];
+    let brightest = |texture: u32| textures[texture as usize].1;
     let problem = if !is_share(material.diffuse) {
         Some("the diffuse colour is not in [0, 1]")
     } else if let Some(what) = material.noise.as_ref().and_then(noise_problem) {
         Some(what)
-    } else if missing(material.diffuse_texture) || missing(material.opacity_texture) {
+    } else if used.into_iter().flatten().any(|texture| texture as usize >= textures.len()) {
         Some("a texture does not exist")
     } else if !is_light(material.emission) {
         Some("the emission is negative or not finite")
+    } else if material.emission_texture.is_some_and(|texture| !(material.emission * brightest(texture)).is_finite()) {
+        Some("the emission times its texture is not finite")
     } else if !(0.0..=1.0).contains(&material.opacity) {
         Some("the opacity is not in [0, 1]")
     } else {
@@ -207,13 +222,12 @@ fn specular_problem(specular: SpecularKind) -> Option<&'static str> {
     }
 }
 
-fn check_texture(index: usize, texture: &Texture) -> Result<(), BuildError> {
-    let (low, high) = texture.range();
-    if low >= 0.0 && high <= 1.0 {
-        Ok(())
-    } else {
-        Err(BuildError::Texture { index, what: "a value is not in [0, 1]" })
+fn check_texture(index: usize, (low, high): (f32, f32), most: f32) -> Result<(), BuildError> {
+    if low >= 0.0 && high <= most {
+        return Ok(());
     }
+    let what = if most > 1.0 { "a value is negative or not finite" } else { "a value is not in [0, 1]" };
+    Err(BuildError::Texture { index, what })
 }
 
 fn check_light(index: usize, light: &PunctualLight) -> Result<(), BuildError> {

@@ -79,8 +79,10 @@ pub struct Material {
     pub noise: Option<Noise>,
     /// The specular part.
     pub specular: SpecularKind,
-    /// Radiance that the front gives off, W m^-2 sr^-1.
+    /// Radiance that the front gives off, W m^-2 sr^-1; multiplied by `emission_texture`.
     pub emission: Vec3,
+    /// Index of a texture for `emission`; its values may be above 1.
+    pub emission_texture: Option<u32>,
     /// Share of the surface that is there, in [0, 1]; multiplied by `opacity_texture`.
     pub opacity: f32,
     /// Index of a texture (its mean of RGB, not made linear) for `opacity`.
@@ -181,6 +183,7 @@ impl Default for Material {
             noise: None,
             specular: SpecularKind::None,
             emission: Vec3::ZERO,
+            emission_texture: None,
             opacity: 1.0,
             opacity_texture: None,
         }

@@ -23,7 +23,7 @@ pub struct Features {
     pub absorbing: bool,
     /// Surfaces with holes (`opacity` below 1 or masked).
     pub cut_outs: bool,
-    /// Surfaces that shine but are not among the lights that are sampled: free forms with masks or, which scene files do not allow, without bounds.
+    /// Surfaces that shine but are not among the lights that are sampled: free forms without bounds, which scene files do not allow.
     pub emissive_unsampled: bool,
     /// Triangles and free forms that shine and are sampled.
     pub area_lights: bool,
@@ -70,7 +70,7 @@ impl Features {
         materials.iter().zip(used).filter(|(_, used)| *used).for_each(|(material, _)| add(material, true));
         for form in forms {
             let material = &materials[form.material as usize];
-            add(material, material.opacity_texture.is_none() && form.bounds.is_some());
+            add(material, form.bounds.is_some());
         }
         features
     }

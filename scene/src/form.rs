@@ -18,7 +18,7 @@ pub(crate) struct Form {
     pub(crate) bounds: Option<Aabb>,
     pub(crate) cut_out: bool,
     /// In the frame of the solid, so that all copies share it.
-    projector: Option<Arc<Projector>>,
+    pub(crate) projector: Option<Arc<Projector>>,
 }
 
 /// A point on a free form.
@@ -99,10 +99,7 @@ impl Form {
         let missed = (value / body.world_normal(gradient).length()).abs();
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let missed = if missed <= reach { missed as f32 } else { (reach as f32).abs() };
-        let uv = match projector {
-            Some(projector) => projector.coordinates(local, n),
-            None => solid.texture_coordinates(local),
-        };
+        let uv = body.texture_coordinates(projector.as_deref(), local, n);
         let p = line.at(t).as_vec3a();
         let n = body.world_normal(n).as_vec3a().normalize_or(-ray.direction);
         let p_error = p.abs().dot(n.abs()) * POSITION_ERROR + missed;

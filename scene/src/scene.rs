@@ -10,7 +10,7 @@ use crate::bvh::{Bvh, Primitive};
 use crate::check;
 use crate::form::Form;
 use crate::holes::{behind, ray_hash};
-use crate::light::{Areas, FormLight, TriangleLight};
+use crate::light::{Areas, FormLight, Pattern, TriangleLight};
 use crate::media::MediumTable;
 use crate::triangles::Triangles;
 use crate::{
@@ -66,7 +66,7 @@ impl Scene {
         let start = Instant::now();
         let lights = Lights::new(
             triangle_lights(&triangles, &materials, &textures),
-            form_lights(&triangles, &forms, &materials),
+            form_lights(&triangles, &forms, &materials, &textures),
             lights,
             environment,
             bounds,
@@ -278,7 +278,14 @@ impl Scene {
     #[inline]
     #[must_use]
     pub fn emission(&self, surface: &Surface) -> Vec3 {
-        if surface.front { self.materials[surface.material as usize].emission } else { Vec3::ZERO }
+        if !surface.front {
+            return Vec3::ZERO;
+        }
+        let material = &self.materials[surface.material as usize];
+        match material.emission_texture {
+            Some(texture) => material.emission * self.textures[texture as usize].color(surface.uv),
+            None => material.emission,
+        }
     }
 
     /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray was within an absorbing dielectric. (In scenes of more than
@@ -446,10 +453,10 @@ fn triangle_lights(triangles: &Triangles, materials: &[Material], textures: &[Ar
             return None;
         }
         let light = TriangleLight::new(triangles.corners(i), material.emission * material.opacity, primitive)?;
-        Some(match material.opacity_texture {
-            Some(texture) => {
+        Some(match Pattern::new(material, textures) {
+            Some(pattern) => {
                 let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|barycentrics| triangles.uv(i, barycentrics));
-                light.with_mask(textures[texture as usize].clone(), uvs)
+                light.with_pattern(pattern, uvs)
             }
             None => light,
         })
@@ -457,18 +464,27 @@ fn triangle_lights(triangles: &Triangles, materials: &[Material], textures: &[Ar
     (0u32..).zip(0..triangles.len()).filter_map(light).collect()
 }
 
-/// Returns the free forms that shine; those without bounds and those whose holes are drawn by a mask are left to chance.
-fn form_lights(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<FormLight> {
+/// Returns the free forms that shine; those without bounds are left to chance.
+fn form_lights(
+    triangles: &Triangles,
+    forms: &[Form],
+    materials: &[Material],
+    textures: &[Arc<Texture>],
+) -> Vec<FormLight> {
     let first = triangles.len();
     let shines = |form: &Form| materials[form.material as usize].is_emissive();
     let mut areas = Areas::new(forms.iter().filter(|form| shines(form)).map(|form| &form.body));
     let light = |(primitive, form): (usize, &Form)| {
+        if !(shines(form) && form.bounds.is_some()) {
+            return None;
+        }
         let material = &materials[form.material as usize];
         let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
-        let sampled = shines(form) && material.opacity_texture.is_none() && form.bounds.is_some();
-        sampled
-            .then(|| FormLight::new(&form.body, material.emission, material.opacity, primitive, &mut areas))
-            .flatten()
+        let light = FormLight::new(&form.body, material.emission, material.opacity, primitive, &mut areas)?;
+        Some(match Pattern::new(material, textures) {
+            Some(pattern) => light.with_pattern(pattern, form.projector.clone()),
+            None => light,
+        })
     };
     (first..).zip(forms).filter_map(light).collect()
 }

@@ -434,7 +434,8 @@ fn what_is_wrong_is_refused_by_name() {
     let bright = named(&|m| m.emission = Vec3::splat(3e38));
     assert_eq!(bright, "lights: their flux is beyond single precision, so bright or large are they", "too much light");
     assert!(named(&|m| m.opacity = f32::NAN).contains("opacity"), "opacity");
-    assert!(named(&|m| m.diffuse_texture = Some(0)).contains("texture"), "a texture");
+    assert!(named(&|m| m.diffuse_texture = Some(0)).contains("a texture does not exist"), "a texture");
+    assert!(named(&|m| m.emission_texture = Some(0)).contains("a texture does not exist"), "a texture of emission");
     let noise = Noise {
         pattern: Pattern::Wood,
         size: Vec3::ONE,
@@ -455,6 +456,18 @@ fn what_is_wrong_is_refused_by_name() {
             .contains("roughness"),
         "a width of 0"
     );
+    let textured = |emission: f32, value: f32, diffuse_texture: Option<u32>| {
+        let emission = Vec3::splat(emission);
+        let material = Material { emission, emission_texture: Some(0), diffuse_texture, ..Material::default() };
+        let textures = vec![Texture::from_linear(1, 1, vec![Vec3::splat(value)])];
+        let description =
+            Description { meshes: vec![good.clone()], materials: vec![material], textures, ..Description::default() };
+        Scene::new(description).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(textured(1.0, 9.0, None), Ok(()), "a bright screen");
+    assert!(textured(1.0, 9.0, Some(0)).unwrap_err().contains("not in [0, 1]"), "a reflectance of 9");
+    assert!(textured(1.0, -1.0, None).unwrap_err().contains("negative"), "negative light");
+    assert!(textured(1e30, 1e30, None).unwrap_err().contains("times its texture"), "more light than there can be");
     let camera = Some(Camera { eye: Vec3::ONE, at: Vec3::ONE, up: Vec3::Y, fov_y_degrees: 40.0 });
     let error = Scene::new(Description { camera, ..Description::default() }).map(|_| ()).unwrap_err();
     assert_eq!(error, BuildError::Camera("eye and at are the same point"), "a camera that looks nowhere");

@@ -75,6 +75,33 @@ fn exr_pictures_load() {
 }
 
 #[test]
+fn emission_alone_may_be_above_1() {
+    let bright = exr_file(&["R", "G", "B"], Compression::ZIP16, |_| 5.0);
+    for (key, value) in [("map_Ke", 5.0), ("map_Kd", 1.0)] {
+        let texture = texture(key, "a.exr", &bright).unwrap();
+        assert_eq!(texture.color(Vec2::splat(0.5)), Vec3::splat(value), "{key}");
+    }
+    let toml = br#"
+        [[material]]
+        name = "screen"
+        emission_texture = "a.exr"
+        [[material]]
+        name = "dim"
+        emission = 0.25
+        emission_texture = "a.exr"
+        [[mesh]]
+        material = "screen"
+        positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+        faces = [[0, 1, 2]]
+    "#;
+    let loaded = common::load_files(&[("a.toml", toml), ("a.exr", &bright)]).unwrap();
+    let [screen, dim] = [0, 1].map(|i| &loaded.description.materials[i]);
+    assert_eq!((screen.emission, screen.diffuse), (Vec3::ONE, Vec3::ZERO), "all of the picture, over black");
+    assert_eq!((dim.emission, dim.emission_texture), (Vec3::splat(0.25), screen.emission_texture), "a share of it");
+    common::assert_builds(&loaded);
+}
+
+#[test]
 fn broken_values_in_an_exr_are_replaced_and_counted() {
     let value = |i| [f32::NAN, f32::INFINITY, -1.0, 2.0].get(i).copied().unwrap_or(1.0);
     let loaded = with_environment("e.exr", &exr_file(&["R", "G", "B"], Compression::ZIP16, value)).unwrap();

@@ -12,16 +12,19 @@
 //! which is Cauchy's and Crofton's way to the area, too: flux = pi L area.
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
-use freeform::{Ray as LineRay, Solid};
+use freeform::{Crossing, Ray as LineRay, Solid};
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3A};
 use hemimap::double::Frame;
 
 use super::areas::Areas;
+use super::pattern::Pattern;
 use super::region::Region;
 use super::{Emission, LightSample, is_over_horizon, narrow};
 use crate::body::Body;
 use crate::mix::mixed;
+use crate::projection::Projector;
 use crate::{Aabb, Ray, surface};
 
 /// An emissive free form.
@@ -34,12 +37,23 @@ pub(crate) struct FormLight {
     radius: f64,
     /// m^2; of what is no ball right to about a hundredth.
     pub(super) area: f64,
-    /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean.
+    /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean; what it is multiplied by where there is a pattern.
     radiance: Vec3,
     /// Whether it is there in part, so that rays may see what is behind its front.
     is_pierced: bool,
+    /// What differs from place to place.
+    pattern: Option<Box<FormPattern>>,
     /// Its index among the scene's primitives.
     pub(super) primitive: u32,
+}
+
+/// A pattern as it lies on a free form.
+#[derive(Debug, Clone)]
+struct FormPattern {
+    pattern: Pattern,
+    projector: Option<Arc<Projector>>,
+    /// About the mean factor.
+    mean: Vec3,
 }
 
 /// Rounding of an f32 position, as a share of its coordinates: a light is looked for from a point so much above the surface, or a form would find itself.
@@ -64,15 +78,41 @@ impl FormLight {
             area: 0.0,
             radiance: emission * opacity,
             is_pierced: opacity < 1.0,
+            pattern: None,
             primitive,
         };
         light.area = ball.map_or_else(|| areas.of(&light), |radius| 4.0 * PI * radius * radius);
         (light.area > 0.0 && light.area.is_finite() && light.radiance.max_element() > 0.0).then_some(light)
     }
 
-    /// Returns the flux, W; of what is no ball right to about a hundredth.
+    /// Draws light and holes into it, where `projector` lays the pictures.
+    pub(crate) fn with_pattern(self, pattern: Pattern, projector: Option<Arc<Projector>>) -> Self {
+        /// Places along an edge of the picture.
+        const SIDE: u16 = 16;
+        let places =
+            (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| (Vec2::new(i.into(), j.into()) + 0.5) / f32::from(SIDE)));
+        let (is_pierced, mean) = (self.is_pierced || pattern.has_holes(), pattern.mean(places));
+        Self { is_pierced, pattern: Some(Box::new(FormPattern { pattern, projector, mean })), ..self }
+    }
+
+    /// Returns the flux, W; of what is no ball right to about a hundredth, with a pattern about that.
     pub(super) fn flux(&self) -> Vec3 {
-        self.radiance * (std::f32::consts::PI * narrow(self.area))
+        let mean = self.pattern.as_ref().map_or(Vec3::ONE, |it| it.mean);
+        self.radiance * (std::f32::consts::PI * narrow(self.area)) * mean
+    }
+
+    /// Returns the radiance of the point where a line crosses the surface: of all rays that meet it there, some pass.
+    #[inline]
+    fn radiance_at(&self, line: &LineRay, t: f64, part: u32) -> Vec3 {
+        match &self.pattern {
+            None => self.radiance,
+            Some(it) => {
+                let local = self.body.local_point(line.at(t));
+                let n = self.body.solid().normal_at(part, local, self.body.local_vector(line.direction));
+                let uv = self.body.texture_coordinates(it.projector.as_deref(), local, n);
+                self.radiance * it.pattern.at(uv.as_vec2())
+            }
+        }
     }
 
     /// Returns a box around it.
@@ -88,25 +128,26 @@ impl FormLight {
             return None;
         }
         let ray = LineRay::new(p + up * (p.abs().max_element() * POSITION_ERROR), wi);
-        let (t, count) = if self.is_pierced { self.any_entry(ray)? } else { (self.first_entry(&ray)?, 1.0) };
-        let offset = ray.at(t) - p;
+        let (entry, count) = if self.is_pierced { self.any_entry(ray)? } else { (self.first_entry(&ray)?, 1.0) };
+        let offset = ray.at(entry.t) - p;
         let distance = offset.length();
         let wi = (offset / distance).as_vec3a();
         // The ray starts above the point, so that this direction is a little lower.
         if !is_over_horizon(n, wi) {
             return None;
         }
-        LightSample::of_surface(wi, narrow(distance), self.radiance * count, narrow(pdf) * probability)
+        let radiance = self.radiance_at(&ray, entry.t, entry.part) * count;
+        LightSample::of_surface(wi, narrow(distance), radiance, narrow(pdf) * probability)
     }
 
     /// Returns where the ray first meets the form; `None` where it starts within, for the back is dark.
-    fn first_entry(&self, ray: &LineRay) -> Option<f64> {
-        self.body.first_hit(ray).filter(|crossing| crossing.entering).map(|crossing| crossing.t)
+    fn first_entry(&self, ray: &LineRay) -> Option<Crossing> {
+        self.body.first_hit(ray).filter(|crossing| crossing.entering)
     }
 
     /// Returns one of the places where the ray enters the form, each with the same chance, and their number. The way to it is not judged here: a shadow ray
     /// passes what is before it with the chance that it is not there.
-    fn any_entry(&self, mut ray: LineRay) -> Option<(f64, f32)> {
+    fn any_entry(&self, mut ray: LineRay) -> Option<(Crossing, f32)> {
         let direction = ray.direction;
         let (mut count, mut chosen, mut bits) = (0u32, None, 0u64);
         while let Some(crossing) = self.body.first_hit(&ray) {
@@ -118,13 +159,13 @@ impl FormLight {
                 }
                 // The i-th takes the place of those before it with the chance 1/i.
                 if bits % u64::from(count) == 0 {
-                    chosen = Some(crossing.t);
+                    chosen = Some(crossing);
                 }
                 bits = mixed(bits);
             }
             ray.t_min = crossing.t + STEP * self.radius;
         }
-        chosen.map(|t| (t, count as f32))
+        chosen.map(|crossing| (crossing, count as f32))
     }
 
     /// Returns the density of a direction in which a ray from `p` met this form, per steradian.
@@ -159,7 +200,7 @@ impl FormLight {
         let p_error = (p.abs().max_element() * POSITION_ERROR) as f32;
         let origin = surface::offset(rounded, normal, p_error, direction);
         let measure = narrow(self.line_measure() * count);
-        Some(Emission { ray: Ray::new(origin, direction), flux: self.radiance * measure })
+        Some(Emission { ray: Ray::new(origin, direction), flux: self.radiance_at(&line, t, part) * measure })
     }
 
     /// Measure of the lines through the sphere, m^2 sr.

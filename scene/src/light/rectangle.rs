@@ -46,8 +46,8 @@ impl RectangleLight {
     pub(crate) fn join(first: &TriangleLight, second: &TriangleLight) -> Option<Self> {
         let is_alike = first.primitive + 1 == second.primitive
             && first.radiance == second.radiance
-            && first.mask.is_none()
-            && second.mask.is_none()
+            && first.pattern.is_none()
+            && second.pattern.is_none()
             && first.normal.dot(second.normal) > 0.0;
         if !is_alike {
             return None;

@@ -7,12 +7,12 @@
 //! Arvo 1995: Stratified Sampling of Spherical Triangles. Van Oosterom, Strackee 1983: The Solid Angle of a Plane Triangle.
 
 use std::f32::consts::PI;
-use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
+use super::pattern::Pattern;
 use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
-use crate::{Ray, Surface, Texture, surface};
+use crate::{Ray, Surface, surface};
 
 /// An emissive triangle.
 #[derive(Debug, Clone)]
@@ -25,22 +25,22 @@ pub(crate) struct TriangleLight {
     pub(super) clearance: f32,
     /// Length of the longest edge, squared.
     size_sq: f32,
-    /// Radiance, W m^-2 sr^-1; where a mask lets it through.
+    /// Radiance, W m^-2 sr^-1; what it is multiplied by where there is a pattern.
     pub(super) radiance: Vec3,
     /// Its index among the scene's primitives.
     pub(super) primitive: u32,
-    /// What draws holes into it.
-    pub(super) mask: Option<Box<Mask>>,
+    /// What differs from place to place.
+    pub(super) pattern: Option<Box<TrianglePattern>>,
 }
 
-/// A picture of which share of a triangle is there.
+/// A pattern as it lies on a triangle.
 #[derive(Debug, Clone)]
-pub(crate) struct Mask {
-    pub(crate) texture: Arc<Texture>,
+pub(super) struct TrianglePattern {
+    pattern: Pattern,
     /// Texture coordinates of the corners.
-    pub(crate) uvs: [Vec2; 3],
-    /// About the mean share, by which light is chosen: above 0, for there may be something that was not seen.
-    share: f32,
+    uvs: [Vec2; 3],
+    /// About the mean factor.
+    mean: Vec3,
 }
 
 /// A triangle is far if its squared distance is at least this many times its longest edge's square: distances then differ by a tenth.
@@ -62,26 +62,26 @@ impl TriangleLight {
         let size_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
         let (area, size_sq) = (narrow(area), narrow(size_sq));
         let clearance = clearance(normal, largest(&corners));
-        let light = Self { corners, normal, area, clearance, size_sq, radiance, primitive, mask: None };
+        let light = Self { corners, normal, area, clearance, size_sq, radiance, primitive, pattern: None };
         (light.area > 0.0 && radiance.max_element() > 0.0).then_some(light)
     }
 
-    /// Draws holes into it.
-    pub(crate) fn with_mask(self, texture: Arc<Texture>, uvs: [Vec2; 3]) -> Self {
-        Self { mask: Some(Box::new(Mask::new(texture, uvs))), ..self }
+    /// Draws light and holes into it.
+    pub(crate) fn with_pattern(self, pattern: Pattern, uvs: [Vec2; 3]) -> Self {
+        Self { pattern: Some(Box::new(TrianglePattern::new(pattern, uvs))), ..self }
     }
 
-    /// Returns the flux, W; with a mask about that.
+    /// Returns the flux, W; with a pattern about that.
     pub(super) fn flux(&self) -> Vec3 {
-        self.radiance * (PI * self.area * self.mask.as_ref().map_or(1.0, |mask| mask.share))
+        self.radiance * (PI * self.area) * self.pattern.as_ref().map_or(Vec3::ONE, |pattern| pattern.mean)
     }
 
     /// Returns the radiance of a point of it: of all rays that meet it there, some pass.
     #[inline]
     fn radiance_at(&self, p: Vec3A) -> Vec3 {
-        match &self.mask {
+        match &self.pattern {
             None => self.radiance,
-            Some(mask) => self.radiance * mask.at(self.barycentrics(p)),
+            Some(it) => self.radiance * it.pattern.at(interpolated(it.uvs, self.barycentrics(p))),
         }
     }
 
@@ -139,24 +139,20 @@ impl TriangleLight {
     }
 }
 
-impl Mask {
-    fn new(texture: Arc<Texture>, uvs: [Vec2; 3]) -> Self {
+impl TrianglePattern {
+    fn new(pattern: Pattern, uvs: [Vec2; 3]) -> Self {
         /// Places along an edge.
         const SIDE: u16 = 16;
-        const LEAST_SHARE: f32 = 1.0 / 64.0;
-        let mut mask = Self { texture, uvs, share: 1.0 };
         let places = (0..SIDE)
             .flat_map(|i| (0..SIDE - i).map(move |j| (Vec2::new(i.into(), j.into()) + 1.0 / 3.0) / f32::from(SIDE)));
-        let (sum, count) = places.fold((0.0, 0.0), |(sum, count), place| (sum + mask.at(place), count + 1.0));
-        mask.share = (sum / count).max(LEAST_SHARE);
-        mask
+        let mean = pattern.mean(places.map(|place| interpolated(uvs, place)));
+        Self { pattern, uvs, mean }
     }
+}
 
-    /// Returns the share that is there at these barycentrics.
-    fn at(&self, barycentrics: Vec2) -> f32 {
-        let [a, b, c] = self.uvs;
-        self.texture.mask(a * (1.0 - barycentrics.element_sum()) + b * barycentrics.x + c * barycentrics.y)
-    }
+/// Returns what has these values at the corners of a triangle at a point of it, given by the barycentrics of the second and the third one.
+fn interpolated([a, b, c]: [Vec2; 3], barycentrics: Vec2) -> Vec2 {
+    a * (1.0 - barycentrics.element_sum()) + b * barycentrics.x + c * barycentrics.y
 }
 
 /// Returns the largest coordinates of points, by magnitude.

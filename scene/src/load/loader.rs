@@ -21,6 +21,8 @@ use crate::{Environment, Texture};
 pub(super) enum Use {
     /// Diffuse colour.
     Color,
+    /// Emission, which may be above 1.
+    Emission,
     /// Opacity.
     Mask,
 }
@@ -127,6 +129,7 @@ impl<'a> Loader<'a> {
                 Texture::from_srgb8(width, height, alpha.into_iter().map(|alpha| [alpha; 3]).collect())
             }
             (Pixels::Coded(codes, _), _) => Texture::from_srgb8(width, height, codes),
+            (Pixels::Linear(pixels), Use::Emission) => Texture::from_linear(width, height, pixels),
             (Pixels::Linear(mut pixels), _) => {
                 let bright = pixels.iter().filter(|pixel| pixel.max_element() > 1.0).count();
                 self.warnings.add_times(format!("{}: texture values above 1 taken as 1", Place::file(path)), bright);
@@ -199,6 +202,16 @@ impl<'a> Loader<'a> {
         if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits) {
             let texture = self.files.resolve(mtl_path, &map.value);
             material.diffuse_texture = Some(self.texture(&texture, Use::Color, Place::line(mtl_path, map.line))?);
+        }
+        if let Some(map) = &mtl.emission_map {
+            if material.emission == Vec3::ZERO {
+                self.warnings
+                    .add(format!("{}: map_Ke is multiplied by Ke, which is 0", Place::line(mtl_path, map.line)));
+            } else {
+                let texture = self.files.resolve(mtl_path, &map.value);
+                let place = Place::line(mtl_path, map.line);
+                material.emission_texture = Some(self.texture(&texture, Use::Emission, place)?);
+            }
         }
         if let Some(map) = mtl.dissolve_map.as_ref().filter(|_| !transmits) {
             let texture = self.files.resolve(mtl_path, &map.value);

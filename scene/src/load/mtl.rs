@@ -45,6 +45,8 @@ pub(super) struct MtlMaterial {
     pub(super) illumination: Option<f32>,
     /// `map_Kd`.
     pub(super) diffuse_map: Option<At<String>>,
+    /// `map_Ke`.
+    pub(super) emission_map: Option<At<String>>,
     /// `map_d`.
     pub(super) dissolve_map: Option<At<String>>,
 }
@@ -100,6 +102,7 @@ impl MtlMaterial {
             "Pm" => self.metalness = Some(value.number(0.0, 1.0)?),
             "illum" => self.illumination = Some(value.number(f32::MIN, f32::MAX)?),
             "map_Kd" => self.diffuse_map = map(rest, place, warnings)?,
+            "map_Ke" => self.emission_map = map(rest, place, warnings)?,
             "map_d" => self.dissolve_map = map(rest, place, warnings)?,
             "" | "Ka" => {}
             _ if key.starts_with('#') => {}

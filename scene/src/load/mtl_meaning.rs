@@ -17,7 +17,7 @@ const INDICES: std::ops::RangeInclusive<f32> = 0.1..=10.0;
 /// Translates a material of the library `file`; textures are the caller's to add.
 pub(super) fn translate(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings) -> Result<Material, LoadError> {
     // A material that says nothing of its colour is grey, unless it shines or is glossy.
-    let silent = mtl.specular.is_none() && mtl.emission.is_none();
+    let silent = mtl.specular.is_none() && mtl.emission.is_none() && mtl.emission_map.is_none();
     let unsaid = if mtl.diffuse_map.is_some() { Vec3::ONE } else { Vec3::splat(if silent { 0.5 } else { 0.0 }) };
     let diffuse = mtl.diffuse.unwrap_or(unsaid);
     let (specular, diffuse) = match dielectric(mtl, file, warnings)? {
@@ -43,7 +43,8 @@ pub(super) fn translate(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings)
         diffuse_texture: None,
         noise: None,
         specular,
-        emission: mtl.emission.unwrap_or(Vec3::ZERO),
+        emission: mtl.emission.unwrap_or(if mtl.emission_map.is_some() { Vec3::ONE } else { Vec3::ZERO }),
+        emission_texture: None,
         opacity,
         opacity_texture: None,
     })

@@ -2,9 +2,9 @@
 
 use std::f32::consts::PI;
 
-use glam::{DAffine3, DVec3, Vec3A};
+use glam::{DAffine3, DVec3, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Psi, Quadric, Solid};
-use scene::{Description, FormObject, Ray, Scene};
+use scene::{Description, FormObject, Material, Projection, Ray, Scene, Texture};
 
 use crate::measure::{Random, assert_irradiance, emitter, irradiance, is_normal};
 
@@ -164,4 +164,33 @@ fn photons_of_free_forms_carry_their_flux() {
         }
     }
     assert!((away / (16.0 * pi * pi) - 1.0).abs() < 2e-2, "{away} gets away");
+}
+
+#[test]
+fn photons_start_where_pictures_let_a_form_shine() {
+    // Of a ball of radius 0.5 the half at y < 0 shines: a picture is laid through it along z.
+    let rows = [[Vec3::ZERO; 512], [Vec3::splat(4.0); 512]].concat();
+    let projection = Projection::planar(DVec3::Y * -1.0, DVec3::X, DVec3::Y * 2.0);
+    let holes: Vec<Vec3> = rows.iter().map(|row| *row / 4.0).collect();
+    let shining = Material { emission_texture: Some(0), ..emitter(0.25) };
+    let pierced = Material { opacity_texture: Some(0), ..emitter(1.0) };
+    for (material, rows, what) in [(shining, rows, "a picture of light"), (pierced, holes, "a mask")] {
+        let solid = ball(DVec3::ZERO, 0.5);
+        let form = FormObject { name: String::new(), solid, material: 0, projection, copies: vec![] };
+        let textures = vec![Texture::from_linear(1, 1024, rows)];
+        let description =
+            Description { forms: vec![form], materials: vec![material], textures, ..Description::default() };
+        let scene = Scene::new(description).expect("a right scene");
+        let half = f64::from(PI) * f64::from(PI) / 2.0;
+        assert!((f64::from(scene.lights().total_flux().x) / half - 1.0).abs() < 1e-2, "{what}: its flux");
+        let (mut random, n) = (Random(5), 200_000);
+        let mut flux = 0.0;
+        for _ in 0..n {
+            let Some(emission) = scene.lights().emit(random.next(), random.pair(), random.pair()) else { continue };
+            let is_lit = emission.ray.origin.y < 1e-3;
+            assert!(is_lit || emission.flux == Vec3::ZERO, "{what}: {emission:?}");
+            flux += f64::from(emission.flux.x);
+        }
+        assert!((flux / f64::from(n) / half - 1.0).abs() < 1e-2, "{what}: {flux} of {n} photons");
+    }
 }

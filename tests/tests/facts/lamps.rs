@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use freeform::{FreeForm, Psi, Quadric, Solid};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
-use scene::{Material, Texture};
+use scene::{Material, Projection, Texture};
 use tests::{
     Builder, Effort, METHODS, film, icosphere, lambert, lamp, measure, mirror, polygon_irradiance, sphere_irradiance,
 };
@@ -111,30 +111,77 @@ fn free_forms_that_fill_their_boxes_in_part_are_unbiased() {
     }
 }
 
-#[test]
-fn lamps_shine_through_their_masks_straight_and_by_mirrors() {
-    // Of a square lamp only the half at y < 0 is there, the other half is a hole. Light comes to the floor straight, or by a mirror beside it, which shows
-    // the lamp a second time.
+/// A picture of which the lower half, v < 0.5, is `level` and the upper half black; the filter leaves an edge of a thousandth.
+fn half_picture(level: f32) -> Texture {
+    // Rows are from above.
+    Texture::from_linear(1, 1024, [[Vec3::ZERO; 512], [Vec3::splat(level); 512]].concat())
+}
+
+/// Checks a square lamp of which the half at y < 0 shines alone.
+fn check_half_a_square(material: Material, level: f32) {
     let square = [(-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5), (0.5, -0.5)].map(|(x, y)| Vec3::new(x, y, 1.0));
-    let half = |x: f64| [(-0.5, -0.5), (-0.5, 0.0), (0.5, 0.0), (0.5, -0.5)].map(|(s, y)| DVec3::new(x + s, y, 1.0));
-    let masked = Material { opacity_texture: Some(0), ..lamp(1.0) };
-    let mut straight = floor(Vec3::Z).polygon(&square, masked);
-    // Nearest to an edge that the filter leaves.
-    straight.description.textures.push(Texture::from_linear(1, 1024, [[Vec3::ONE; 512], [Vec3::ZERO; 512]].concat()));
-    let mesh = &mut straight.description.meshes[1];
+    let half = [(-0.5, -0.5), (-0.5, 0.0), (0.5, 0.0), (0.5, -0.5)].map(|(x, y)| DVec3::new(x, y, 1.0));
+    let mut builder = floor(Vec3::Z).polygon(&square, material);
+    builder.description.textures.push(half_picture(level));
+    let mesh = &mut builder.description.meshes[1];
     mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(0.5, 0.001 + 0.998 * (p.y + 0.5))).collect();
     mesh.uv_indices.clone_from(&mesh.triangles);
-    let known =
-        |images: &[f64], p: DVec3| images.iter().map(|&x| polygon_irradiance(&half(x), p, DVec3::Z) / PI).sum::<f64>();
+    let known = |x: f64, p: DVec3| polygon_irradiance(&half.map(|corner| corner + DVec3::X * x), p, DVec3::Z) / PI;
     let effort = Effort { path_spp: 256, spp: 256, seeds: 2, ..Effort::default() };
-    let scene = straight.clone().build();
-    assert!(!scene.features().emissive_unsampled, "they are sampled");
-    // A mirror at x = -0.75, whose front looks along x, makes an image at x = -1.5.
-    let mirrored = straight.square(Vec3::X * -0.75, Vec3::X, 100.0, mirror(1.0)).build();
+    let straight = builder.clone().build();
+    assert!(!straight.features().emissive_unsampled, "it is sampled");
+    // A mirror at x = -0.75, whose front looks along x, shows the lamp a second time, at x = -1.5.
+    let mirrored = builder.square(Vec3::X * -0.75, Vec3::X, 100.0, mirror(1.0)).build();
     for method in METHODS {
-        measure(&scene, method, &effort, |p| known(&[0.0], p)).assert_unbiased("straight");
-        measure(&mirrored, method, &effort, |p| known(&[0.0, -1.5], p)).assert_holds("by a mirror too");
+        measure(&straight, method, &effort, |p| known(0.0, p)).assert_unbiased("straight");
+        measure(&mirrored, method, &effort, |p| known(0.0, p) + known(-1.5, p)).assert_holds("by a mirror too");
     }
+}
+
+/// Checks a ball of which the half at y < 0 shines alone. The other half is black, or a hole through which one sees the dark back of this one.
+fn check_half_a_ball(material: Material, level: f32) {
+    let (centre, radius) = (DVec3::new(0.0, 0.2, 1.0), 0.4);
+    let mut builder = floor(Vec3::Z).ball(centre.as_vec3(), 0.4, material);
+    builder.description.textures.push(half_picture(level));
+    let height = DVec3::Y * 2.0;
+    builder.description.forms[0].projection = Projection::planar(DVec3::Y * -1.0, DVec3::X, height);
+    let scene = builder.build();
+    assert!(!scene.features().emissive_unsampled, "it is sampled");
+    let effort = Effort { path_spp: 256, spp: 256, seeds: 2, ..Effort::default() };
+    for method in METHODS {
+        measure(&scene, method, &effort, |p| half_ball(centre, radius, p)).assert_unbiased("half a ball");
+    }
+}
+
+/// The share of the irradiance pi that the half at y < 0 of a ball of radiance 1 gives at `p` with the normal z: by the midpoint rule over what is seen.
+fn half_ball(centre: DVec3, radius: f64, p: DVec3) -> f64 {
+    const STEPS: u32 = 200;
+    let (offset, axis) = (centre - p, (centre - p).normalize());
+    let (s, t) = axis.any_orthonormal_pair();
+    let height = 1.0 - (1.0 - radius * radius / offset.length_squared()).sqrt();
+    let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
+    let directions = (0..STEPS * STEPS).map(|i| {
+        let (cosine, angle) = (1.0 - height * step(i / STEPS), 2.0 * PI * step(i % STEPS));
+        axis * cosine + (s * angle.cos() + t * angle.sin()) * (1.0 - cosine * cosine).sqrt()
+    });
+    let seen = directions.filter(|wi| {
+        let along = wi.dot(offset);
+        let way = along - (along * along - offset.length_squared() + radius * radius).max(0.0).sqrt();
+        (p + *wi * way).y < 0.0
+    });
+    seen.map(|wi| wi.z).sum::<f64>() * 2.0 * height / f64::from(STEPS * STEPS)
+}
+
+#[test]
+fn lamps_shine_through_their_masks() {
+    check_half_a_square(Material { opacity_texture: Some(0), ..lamp(1.0) }, 1.0);
+    check_half_a_ball(Material { opacity_texture: Some(0), ..lamp(1.0) }, 1.0);
+}
+
+#[test]
+fn lamps_shine_by_their_textures() {
+    check_half_a_square(Material { emission_texture: Some(0), ..lamp(0.125) }, 8.0);
+    check_half_a_ball(Material { emission_texture: Some(0), ..lamp(0.125) }, 8.0);
 }
 
 #[test]

@@ -158,9 +158,10 @@ fn material(loader: &mut Loader<'_>, table: &MaterialTable, source: &Source) -> 
     };
     // What is textured is the texture; what shines or reflects needs no grey beneath.
     let is_textured = table.diffuse_texture.is_some() || table.noise.is_some();
-    let unsaid = match (is_textured, specular, table.emission) {
+    let shines = table.emission.is_some() || table.emission_texture.is_some();
+    let unsaid = match (is_textured, specular, shines) {
         (true, _, _) => 1.0,
-        (false, SpecularKind::None, None) => 0.5,
+        (false, SpecularKind::None, false) => 0.5,
         _ => 0.0,
     };
     Ok(Material {
@@ -169,7 +170,12 @@ fn material(loader: &mut Loader<'_>, table: &MaterialTable, source: &Source) -> 
         diffuse_texture: texture(&table.diffuse_texture, Use::Color)?,
         noise: table.noise.as_ref().map(|table| noise(table, source)).transpose()?,
         specular,
-        emission: table.emission.map_or(Vec3::ZERO, |emission| emission.0),
+        emission: match (table.emission, &table.emission_texture) {
+            (Some(emission), _) => emission.0,
+            (None, Some(_)) => Vec3::ONE,
+            (None, None) => Vec3::ZERO,
+        },
+        emission_texture: texture(&table.emission_texture, Use::Emission)?,
         opacity: table.opacity.map_or(1.0, |opacity| opacity.0),
         opacity_texture: texture(&table.opacity_texture, Use::Mask)?,
     })

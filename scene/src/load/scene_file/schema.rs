@@ -69,6 +69,7 @@ pub(super) struct MaterialTable {
     pub(super) mirror: Option<MirrorTable>,
     pub(super) glass: Option<GlassTable>,
     pub(super) emission: Option<Amount>,
+    pub(super) emission_texture: Option<Spanned<String>>,
     pub(super) opacity: Option<Fraction>,
     pub(super) opacity_texture: Option<Spanned<String>>,
 }
