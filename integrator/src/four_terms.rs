@@ -227,11 +227,10 @@ fn develop<S: Secondary>(
         .par_iter()
         .zip(values)
         .map(|(point, value)| {
-            let caustic = if point.caustic == Vec3::ZERO {
+            let caustic = if point.caustics.are_dark() {
                 Vec3::ZERO
             } else {
-                let coverage = secondary.caustic_coverage(&point.shading.surface);
-                point.caustic * (std::f32::consts::FRAC_1_PI / (point.caustic_looks as f32 * coverage))
+                point.caustics.radiance(secondary.caustic_coverage(&point.shading.surface))
             };
             let glossy = point.specular_weight * value.glossy;
             let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);
@@ -259,7 +258,7 @@ fn develop<S: Secondary>(
             }
             let mut rungs = Rungs::default();
             for number in lattice.of_pixel(index) {
-                rungs.add(values[number].rung, points[number].count / pixel.samples as f32);
+                rungs.add(values[number].rung, points[number].spread.count / pixel.samples as f32);
             }
             (pixel.sum.mean(pixel.samples), rungs, dropped)
         })
