@@ -20,7 +20,7 @@ use crate::delta_ways::delta_ways;
 use crate::metrics;
 use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Secondary, Shading};
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 
 /// Mirrors and panes before a surface, at most.
 const MAX_CHAIN: usize = 8;
@@ -54,17 +54,12 @@ impl CausticNeed {
         seed: u64,
         rays: &mut RayCounts,
     ) -> Self {
-        let found: Vec<(View, RayCounts)> = (0..side * side)
-            .into_par_iter()
-            .map(|number| {
-                let mut rays = RayCounts::default();
-                let mut sampler = Sampler::new(hash_pair(seed, STREAM), number.into(), 0);
-                let film = in_cell(number, side, sampler.next_pair()) * size.as_vec2();
-                (View::new(scene, secondary, scene.camera_ray(film, size), &mut sampler, &mut rays), rays)
-            })
-            .collect();
-        found.iter().for_each(|(_, counts)| *rays += *counts);
-        Self { views: found.into_iter().map(|(view, _)| view).collect() }
+        let views = map_counting((0..side * side).into_par_iter(), rays, |number, rays| {
+            let mut sampler = Sampler::new(hash_pair(seed, STREAM), number.into(), 0);
+            let film = in_cell(number, side, sampler.next_pair()) * size.as_vec2();
+            View::new(scene, secondary, scene.camera_ray(film, size), &mut sampler, rays)
+        });
+        Self { views }
     }
 
     /// Returns the most noise that the caustics of maps may have, in relMSE, if their discs hold `neighbours` photons.

@@ -3,6 +3,7 @@
 use std::ops::AddAssign;
 use std::time::Instant;
 
+use rayon::iter::ParallelIterator;
 use serde::{Deserialize, Serialize};
 
 /// Rays by what they were traced for.
@@ -39,6 +40,24 @@ impl AddAssign for RayCounts {
         self.hole += other.hole;
         self.photon += other.photon;
     }
+}
+
+/// Maps in parallel and in order, while each item counts its rays for itself; all are added to `rays`.
+pub(crate) fn map_counting<T: ParallelIterator, R: Send>(
+    items: T,
+    rays: &mut RayCounts,
+    map: impl Fn(T::Item, &mut RayCounts) -> R + Send + Sync,
+) -> Vec<R> {
+    let counted = |item| {
+        let mut rays = RayCounts::default();
+        (map(item, &mut rays), rays)
+    };
+    let found: Vec<(R, RayCounts)> = items.map(counted).collect();
+    let sum = |(found, counted)| {
+        *rays += counted;
+        found
+    };
+    found.into_iter().map(sum).collect()
 }
 
 /// Memory at the end of a rendering by what it holds, bytes.

@@ -29,7 +29,7 @@ use crate::photons::PhotonSource;
 use crate::sampler::{Sampler, hash, hash_pair, in_cell};
 use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 use crate::walk::{Taken, Visitor, walk};
 
 /// Probe rays along a side of the picture, and bounces of each of their gather rays.
@@ -109,31 +109,20 @@ impl CellBuilder<'_> {
 
     /// Diffuse surfaces that paths from the picture meet, those of each probe by themselves; with each, whether it is the first of its path.
     fn probe(&self, size: UVec2, rays: &mut RayCounts) -> Vec<Vec<(Shading, bool)>> {
-        let found: Vec<(Vec<(Shading, bool)>, RayCounts)> = (0..PROBE_SIDE * PROBE_SIDE)
-            .into_par_iter()
-            .map(|number| {
-                let mut found = Vec::new();
-                let mut rays = RayCounts::default();
-                let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
-                let film = in_cell(number, PROBE_SIDE, sampler.next_pair()) * size.as_vec2();
-                let ray = self.scene.camera_ray(film, size);
-                rays.camera += 1;
-                if let Some(seen) = self.to_diffuse(ray, &mut sampler, &mut rays) {
-                    for way in 0..self.probe_rays {
-                        let mut sampler = Sampler::new(self.seed, hash(u64::from(number)), way);
-                        self.probe_path(seen, &mut sampler, &mut found, &mut rays);
-                    }
+        map_counting((0..PROBE_SIDE * PROBE_SIDE).into_par_iter(), rays, |number, rays| {
+            let mut found = Vec::new();
+            let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
+            let film = in_cell(number, PROBE_SIDE, sampler.next_pair()) * size.as_vec2();
+            let ray = self.scene.camera_ray(film, size);
+            rays.camera += 1;
+            if let Some(seen) = self.to_diffuse(ray, &mut sampler, rays) {
+                for way in 0..self.probe_rays {
+                    let mut sampler = Sampler::new(self.seed, hash(u64::from(number)), way);
+                    self.probe_path(seen, &mut sampler, &mut found, rays);
                 }
-                (found, rays)
-            })
-            .collect();
-        found
-            .into_iter()
-            .map(|(found, counted)| {
-                *rays += counted;
-                found
-            })
-            .collect()
+            }
+            found
+        })
     }
 
     fn probe_path(&self, from: Shading, sampler: &mut Sampler, found: &mut Vec<(Shading, bool)>, rays: &mut RayCounts) {

@@ -23,7 +23,7 @@ use super::direct::DirectTerm;
 use super::tiles::{self, NEAR, around, inside, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Secondary, Shading};
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 
 /// Cells along a side of the square of directions.
 const BINS: usize = 8;
@@ -55,18 +55,10 @@ impl LobeGuide {
         seed: u64,
         rays: &mut RayCounts,
     ) -> Option<Self> {
-        let found: Vec<(Vec<Lesson>, RayCounts)> = (0..direct.plan.lobes.learners.pow(2))
-            .into_par_iter()
-            .map(|number| {
-                let mut rays = RayCounts::default();
-                (learner(direct, size, hash_pair(seed, STREAM), number, &mut rays), rays)
-            })
-            .collect();
-        let mut lessons = Vec::new();
-        for (found, counted) in found {
-            lessons.extend(found);
-            *rays += counted;
-        }
+        let learners = (0..direct.plan.lobes.learners.pow(2)).into_par_iter();
+        let seed = hash_pair(seed, STREAM);
+        let found = map_counting(learners, rays, |number, rays| learner(direct, size, seed, number, rays));
+        let lessons: Vec<Lesson> = found.into_iter().flatten().collect();
         let mut cells = vec![[0.0f32; BINS * BINS]; tiles::COUNT];
         for lesson in &lessons {
             cells[lesson.tile][lesson.bin] += lesson.moment;

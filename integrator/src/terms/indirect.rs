@@ -22,7 +22,7 @@ use crate::plan::Plan;
 use crate::rungs::Rung;
 use crate::sampler::{hash, hash_pair};
 use crate::secondary::Secondary;
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 use crate::surface_points::SurfacePoint;
 
 /// Light of a point that comes through its hemisphere.
@@ -64,17 +64,6 @@ impl Look {
     fn by(mut self, rung: Rung) -> Self {
         self.incident.rung = rung;
         self
-    }
-}
-
-impl Counts {
-    /// Counts the rays that answers took, and returns the rest of these.
-    pub(crate) fn take<T>(&mut self, found: Vec<(usize, T, RayCounts)>) -> Vec<(usize, T)> {
-        let counted = found.into_iter().map(|(number, answer, rays)| {
-            self.rays += rays;
-            (number, answer)
-        });
-        counted.collect()
     }
 }
 
@@ -133,24 +122,19 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     /// Gathers at the points `todo`.
     pub(crate) fn gather(&self, points: &[SurfacePoint], todo: Vec<usize>, counts: &mut Counts) -> Vec<(usize, Look)> {
         counts.gathered += todo.len() as u64;
-        let found: Vec<(usize, Look, RayCounts)> = todo
-            .into_par_iter()
-            .map_init(Vec::new, |weights, number| {
-                let point = &points[number];
-                let mut rays = RayCounts::default();
-                // A lobe is seen by its own point alone.
-                let n = if self.plan.lobes.reads_texture(&point.shading) {
-                    self.plan.records.look_n
-                } else {
-                    self.plan.records.n
-                };
-                let frame = Frame::from_normal(point.shading.surface.n);
-                let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, &mut rays);
-                self.tell(point, || Step::Gathered { resolution: n, record: None });
-                (number, self.look(&samples, &frame, point, weights).by(Rung::Gathered), rays)
-            })
-            .collect();
-        counts.take(found)
+        map_counting(todo.into_par_iter(), &mut counts.rays, |number, rays| {
+            let point = &points[number];
+            // A lobe is seen by its own point alone.
+            let n = if self.plan.lobes.reads_texture(&point.shading) {
+                self.plan.records.look_n
+            } else {
+                self.plan.records.n
+            };
+            let frame = Frame::from_normal(point.shading.surface.n);
+            let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, rays);
+            self.tell(point, || Step::Gathered { resolution: n, record: None });
+            (number, self.look(&samples, &frame, point, &mut Vec::new()).by(Rung::Gathered))
+        })
     }
 
     /// Whether anything of a point is lit by a texture: a narrow lobe alone is traced.

@@ -22,7 +22,7 @@ use super::tiles::{self, around, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
 use crate::secondary::{Shading, lights_of, unshadowed};
 use crate::sky::SkySplit;
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 
 /// Light samples of a primary ray that learns.
 const LIGHT_SAMPLES: u32 = 8;
@@ -60,13 +60,8 @@ impl LightGuide {
         rays: &mut RayCounts,
     ) -> Option<Self> {
         let learner = Learner { scene, sky, side, size, seed: hash_pair(seed, STREAM) };
-        let found: Vec<(Vec<Lesson>, RayCounts)> =
-            (0..side * side).into_par_iter().map(|number| learner.lessons(number)).collect();
-        let mut lessons = Vec::new();
-        for (found, counted) in found {
-            lessons.extend(found);
-            *rays += counted;
-        }
+        let found = map_counting((0..side * side).into_par_iter(), rays, |number, rays| learner.lessons(number, rays));
+        let mut lessons = found.concat();
         if lessons.is_empty() {
             return None;
         }
@@ -117,11 +112,11 @@ struct Learner<'a> {
 
 impl Learner<'_> {
     /// Samples lights where one primary ray ends.
-    fn lessons(&self, number: u32) -> (Vec<Lesson>, RayCounts) {
-        let (mut lessons, mut rays) = (Vec::new(), RayCounts::default());
+    fn lessons(&self, number: u32, rays: &mut RayCounts) -> Vec<Lesson> {
+        let mut lessons = Vec::new();
         let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
         let film = in_cell(number, self.side, sampler.next_pair()) * self.size.as_vec2();
-        let Some(shading) = self.first_diffuse(film, &mut sampler, &mut rays) else { return (lessons, rays) };
+        let Some(shading) = self.first_diffuse(film, &mut sampler, rays) else { return lessons };
         let surface = &shading.surface;
         let tile = tile(film, self.size, surface.n);
         let mut lights = lights_of(self.scene, &shading, self.sky).seen_from(surface.p, surface.n);
@@ -144,7 +139,7 @@ impl Learner<'_> {
                 lessons.push(Lesson { tile, light, moment });
             }
         }
-        (lessons, rays)
+        lessons
     }
 
     /// The surface that a pixel shows, in mirrors and behind glass too, if it takes a guide.

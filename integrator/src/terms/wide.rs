@@ -13,7 +13,7 @@ use crate::explain::Step;
 use crate::rungs::Rung;
 use crate::sampler::{Rng, hash_pair, in_cell};
 use crate::secondary::Secondary;
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 use crate::surface_points::{SurfacePoint, same_surface};
 
 /// Primary rays along a side of a pixel.
@@ -29,14 +29,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         todo: Vec<usize>,
         counts: &mut Counts,
     ) -> Vec<(usize, Incident)> {
-        let found: Vec<(usize, Incident, RayCounts)> = todo
-            .into_par_iter()
-            .map(|number| {
-                let mut rays = RayCounts::default();
-                (number, self.over(&points[number], &mut rays), rays)
-            })
-            .collect();
-        counts.take(found)
+        map_counting(todo.into_par_iter(), &mut counts.rays, |number, rays| (number, self.over(&points[number], rays)))
     }
 
     fn over(&self, point: &SurfacePoint, rays: &mut RayCounts) -> Incident {
