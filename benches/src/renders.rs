@@ -44,7 +44,7 @@ impl Runs {
     /// # Panics
     /// If a setting is out of its range, or the reference is of another size.
     pub fn add(&mut self, scene: &Scene, settings: &Settings, reference: &Reference) {
-        let Rendering { film, statistics } = render(scene, settings);
+        let Rendering { film, statistics, .. } = render(scene, settings);
         let picture = film.picture();
         let image = Image::new(film.size, &picture).expect("a full picture");
         let against = reference.image();

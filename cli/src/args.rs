@@ -161,6 +161,13 @@ impl FromStr for Output {
     }
 }
 
+/// A cloud of points to be written.
+pub(crate) fn ply(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_ply = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ply"));
+    if is_ply { Ok(path) } else { Err("its suffix must be .ply".to_owned()) }
+}
+
 #[cfg(test)]
 mod tests {
     use integrator::Trails;

@@ -198,7 +198,7 @@ fn write_exr(
 /// bends the tones in between, so that equal light stays equal; NaN is black.
 pub(crate) fn png(size: UVec2, picture: &[Vec3], exposure: f32) -> Result<Vec<u8>, Failure> {
     let factor = exposure.exp2();
-    let codes: Vec<[u8; 3]> = picture.iter().map(|pixel| (*pixel * factor).to_array().map(srgb_code)).collect();
+    let codes: Vec<[u8; 3]> = picture.iter().map(|pixel| srgb_codes(*pixel * factor)).collect();
     png_of_codes(size, &codes)
 }
 
@@ -209,6 +209,11 @@ pub(crate) fn png_of_codes(size: UVec2, codes: &[[u8; 3]]) -> Result<Vec<u8>, Fa
         .write_image(codes.as_flattened(), size.x, size.y, ExtendedColorType::Rgb8)
         .map_err(|error| Failure::Run(format!("the PNG cannot be encoded: {error}")))?;
     Ok(bytes)
+}
+
+/// Encodes linear light where 1 is white, clamped.
+pub(crate) fn srgb_codes(linear: Vec3) -> [u8; 3] {
+    linear.to_array().map(srgb_code)
 }
 
 /// The sRGB curve (IEC 61966-2-1) in 8 bits, rounded to the nearest code.

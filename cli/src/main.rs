@@ -10,6 +10,7 @@ mod files;
 mod info;
 mod machine;
 mod mesh;
+mod ply;
 mod progress;
 mod render;
 mod summary;

@@ -6,14 +6,15 @@ use std::time::Instant;
 
 use glam::{UVec2, Vec3};
 use integrator::metrics::{self, Image};
-use integrator::{Rendering, Settings};
-use scene::Scene;
+use integrator::{Method, Rendering, Settings};
+use scene::{FileSettings, Scene};
 
 use crate::args::{self, Output, OutputKind};
 use crate::encode::{self, Origin, Term};
 use crate::failure::{Failure, print};
 use crate::files::{self, Staged};
 use crate::machine;
+use crate::ply;
 use crate::progress::Reporter;
 use crate::summary::{ErrorSummary, Summary};
 use crate::view::ViewArgs;
@@ -46,6 +47,9 @@ pub(crate) struct RenderArgs {
     /// its hemisphere
     #[arg(long)]
     rungs: bool,
+    /// Write where the records of the cache are, how far they reach and how much light they have, as a cloud of points
+    #[arg(long, value_name = "FILE.ply", value_parser = args::ply)]
+    records: Option<PathBuf>,
     /// Exposure of the PNG in stops: 0 shows radiance 1 as white [default: the
     /// scene's, or what brings nine tenths of the picture below a half]
     #[arg(long, value_name = "EV", value_parser = args::stops, allow_hyphen_values = true)]
@@ -69,6 +73,12 @@ impl RenderArgs {
     /// Checks what can be checked before anything is loaded; returns the pictures to write.
     fn check(&self) -> Result<Vec<Output>, Failure> {
         self.view.check()?;
+        let method = self.view.settings(&FileSettings::default()).method;
+        if self.records.is_some() && matches!(method, Method::Path | Method::Gather) {
+            let what =
+                format!("--records: {} keeps no records; choose --method reproject or cache-only", method.name());
+            return Err(Failure::Input(what));
+        }
         let outputs = match &self.out[..] {
             [] => ["freelux.exr", "freelux.png"].map(|name| name.parse().expect("a known suffix")).to_vec(),
             given => given.to_vec(),
@@ -85,7 +95,8 @@ impl RenderArgs {
     /// All files that will be written.
     fn written<'a>(&'a self, outputs: &'a [Output]) -> Vec<&'a Path> {
         let stats = self.stats.as_deref().filter(|path| *path != Path::new("-"));
-        outputs.iter().map(|output| output.path.as_path()).chain(stats).collect()
+        let records = self.records.as_deref();
+        outputs.iter().map(|output| output.path.as_path()).chain(records).chain(stats).collect()
     }
 
     fn render(&self, outputs: &[Output]) -> Result<(), Failure> {
@@ -101,7 +112,8 @@ impl RenderArgs {
         description.camera = self.view.camera(&description)?;
         let scene =
             Scene::new(description).map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
-        let settings = Settings { rungs: self.rungs, ..self.view.settings(&loaded.settings) };
+        let (rungs, records) = (self.rungs, self.records.is_some());
+        let settings = Settings { rungs, records, ..self.view.settings(&loaded.settings) };
         settings.validate().map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
         let build_seconds = start.elapsed().as_secs_f64();
         // Told only now, so that a scene that is refused gives one line.
@@ -121,7 +133,7 @@ impl RenderArgs {
             None => integrator::render(&scene, &settings, &progress).map(|rendering| (rendering, None)),
         };
         reporter.finish();
-        let (Rendering { film, statistics }, estimate) = result.map_err(Failure::input)?;
+        let (Rendering { film, statistics, records }, estimate) = result.map_err(Failure::input)?;
 
         let start = Instant::now();
         let whole = film.picture();
@@ -142,6 +154,10 @@ impl RenderArgs {
                     staged.add(path, |out| out.write_all(&bytes))?;
                 }
             }
+            written.push(path.display().to_string());
+        }
+        if let Some(path) = &self.records {
+            staged.add(path, |out| ply::write(&records, exposure, out))?;
             written.push(path.display().to_string());
         }
 

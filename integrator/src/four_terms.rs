@@ -11,6 +11,7 @@ use crate::gather::Gatherer;
 use crate::irradiance_cache::{self, Recorder};
 use crate::lattice::Lattice;
 use crate::plan::Plan;
+use crate::record_points::{RecordPoint, record_points};
 use crate::rungs::Rungs;
 use crate::sampler::hash_pair;
 use crate::secondary::Secondary;
@@ -24,7 +25,7 @@ use crate::{Method, Settings};
 /// A band holds about so many pixels: enough for the lattice and for many cores, and a bound on the memory for surface points.
 const BAND_PIXELS: u32 = 1 << 17;
 
-/// Renders with four terms, by the cache or by brute force.
+/// Renders with four terms, by the cache or by brute force. Returns the records too, where they are asked for.
 pub(crate) fn render<S: Secondary>(
     scene: &Scene,
     settings: &Settings,
@@ -34,7 +35,7 @@ pub(crate) fn render<S: Secondary>(
     statistics: &mut Statistics,
     progress: &(dyn Fn(Progress) + Sync),
     witness: Option<&Witness>,
-) -> Film {
+) -> (Film, Vec<RecordPoint>) {
     let mut film = Film::new(settings.size);
     film.rungs = settings.rungs.then(|| vec![Rungs::default(); film.pixel_count()]);
     let Settings { size, seed, .. } = *settings;
@@ -105,7 +106,8 @@ pub(crate) fn render<S: Secondary>(
     statistics.memory.records = index.memory_bytes() as u64;
     statistics.memory.irradiance_records = irradiance.memory_bytes() as u64;
     statistics.memory.film = film.memory_bytes();
-    film
+    let records = if settings.records { record_points(&index, &irradiance) } else { Vec::new() };
+    (film, records)
 }
 
 /// Keeps the random numbers of gathers apart from those of primary rays.

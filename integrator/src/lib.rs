@@ -18,6 +18,7 @@ mod lattice;
 mod path;
 mod photons;
 mod plan;
+mod record_points;
 mod render;
 mod rungs;
 mod sampler;
@@ -35,6 +36,7 @@ pub use explain::{Explanation, IrradianceFacts, PointExplanation, RecordFacts, S
 pub use film::{Film, FirstHit, Terms};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};
 pub use photons::{FluxBalance, Irradiance, PhotonCounts, PhotonMaps, PhotonSettings, PhotonSource};
+pub use record_points::{RecordKind, RecordPoint};
 pub use render::{Rendering, render, render_with};
 pub use reproject::{Parts, Shares, Trails, Verdict};
 pub use rungs::Rungs;

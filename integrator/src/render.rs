@@ -10,7 +10,7 @@ use crate::explain::Witness;
 use crate::plan::{CausticBudget, Plan};
 use crate::sky::SkySplit;
 use crate::{
-    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, Secondary, SecondaryKind, Settings,
+    Film, Method, PhotonMaps, PhotonSettings, PhotonSource, Progress, RecordPoint, Secondary, SecondaryKind, Settings,
     SettingsError, Statistics, four_terms, hash_pair, path,
 };
 
@@ -21,6 +21,8 @@ pub struct Rendering {
     pub film: Film,
     /// What was counted.
     pub statistics: Statistics,
+    /// The records of the cache, where [`Settings::records`] asks for them; of several passes those of the last one.
+    pub records: Vec<RecordPoint>,
 }
 
 /// Makes a picture of `scene` on all threads of the current rayon pool. The result depends on the scene and the settings alone, never on
@@ -48,7 +50,7 @@ pub(crate) fn render_watched(
     witness: Option<&Witness>,
 ) -> Result<Rendering, SettingsError> {
     measured(scene, settings, |statistics| match settings.method {
-        Method::Path => path::render(scene, settings, progress, statistics),
+        Method::Path => (path::render(scene, settings, progress, statistics), Vec::new()),
         Method::Reproject | Method::Gather | Method::CacheOnly => {
             let plan = Plan::new(scene, settings);
             let sky = statistics.time("lights", |_| SkySplit::new(scene));
@@ -92,19 +94,19 @@ pub fn render_with(
     })
 }
 
-/// Makes a film by settings that hold, and tells what it took.
+/// Makes a film, and the records that are asked for, by settings that hold, and tells what it took.
 fn measured(
     scene: &Scene,
     settings: &Settings,
-    make: impl FnOnce(&mut Statistics) -> Film,
+    make: impl FnOnce(&mut Statistics) -> (Film, Vec<RecordPoint>),
 ) -> Result<Rendering, SettingsError> {
     settings.validate()?;
     let start = Instant::now();
     let mut statistics = Statistics::default();
     statistics.memory.scene = scene.memory_bytes() as u64;
-    let film = make(&mut statistics);
+    let (film, records) = make(&mut statistics);
     statistics.render_seconds = start.elapsed().as_secs_f64();
-    Ok(Rendering { film, statistics })
+    Ok(Rendering { film, statistics, records })
 }
 
 /// Solves for the light at secondary hits, if the plan asks for it; no cells otherwise.

@@ -255,7 +255,7 @@ impl<'a> DirectLight<'a> {
     }
 }
 
-/// Direct light of sources that light sampling does not know, such as surfaces whose holes a mask draws, reflected by the diffuse part: by one
+/// Direct light of sources that light sampling does not know, which are free forms without bounds, reflected by the diffuse part: by one
 /// cosine-distributed ray.
 pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays: &mut RayCounts) -> Vec3 {
     let Some(ray) = shading.cosine_ray(u) else { return Vec3::ZERO };

@@ -78,6 +78,8 @@ pub struct Settings {
     pub study: Study,
     /// Whether the film tells how each pixel got its indirect light, see [`Film::rungs`](crate::Film::rungs). The picture is the same.
     pub rungs: bool,
+    /// Whether the rendering tells where the records are, see [`Rendering::records`](crate::Rendering::records). The picture is the same.
+    pub records: bool,
     /// Any number; another seed gives a statistically independent picture.
     pub seed: u64,
 }
@@ -91,6 +93,7 @@ impl Default for Settings {
             size: UVec2::new(640, 360),
             study: Study::default(),
             rungs: false,
+            records: false,
             seed: 0,
         }
     }

@@ -5,9 +5,10 @@ mod common;
 use common::{Builder, lambert, lamp};
 use glam::{UVec2, Vec3};
 use integrator::{
-    Explanation, Method, Rungs, SecondaryKind, Settings, SettingsError, Step, Study, estimate_pixel, explain, render,
+    Explanation, Method, RecordKind, Rungs, SecondaryKind, Settings, SettingsError, Step, Study, estimate_pixel,
+    explain, render,
 };
-use scene::Scene;
+use scene::{Ray, Scene};
 
 /// A closed room with a lamp under its ceiling, and a camera in it.
 fn room() -> Scene {
@@ -164,5 +165,25 @@ fn a_picture_without_noise_is_estimated_too() {
         let errors = [estimate.error, estimate.noise, estimate.bias, estimate.bias_noise, estimate.reference_noise];
         assert!(errors.iter().all(|&error| (0.0..1e-5).contains(&error)), "radiance {radiance}: {estimate:?}");
         assert_eq!(estimate.reference, Vec3::splat(radiance));
+    }
+}
+
+#[test]
+fn records_lie_on_surfaces_and_are_told_where_they_are_asked_for() {
+    let scene = room();
+    for method in [Method::Reproject, Method::Gather, Method::CacheOnly, Method::Path] {
+        let plain = Settings { spp: Some(4), size: UVec2::new(48, 32), ..settings(method) };
+        let told = render(&scene, &Settings { records: true, ..plain.clone() }, &|_| ()).unwrap();
+        let without = render(&scene, &plain, &|_| ()).unwrap();
+        assert_eq!((without.film, without.records), (told.film, vec![]), "{method:?}: the same picture");
+        let count = |kind| told.records.iter().filter(|record| record.kind == kind).count() as u64;
+        let counted = [count(RecordKind::Radiance), count(RecordKind::Irradiance)];
+        assert_eq!(counted, [told.statistics.records, told.statistics.irradiance_records], "{method:?}");
+        for record in &told.records {
+            let (above, down) = (record.p + 1e-3 * record.n, -record.n);
+            let hit = scene.intersect(&Ray::new(above.into(), down.into())).expect("there is a surface beneath");
+            assert!((hit.t - 1e-3).abs() < 1e-4, "{method:?}: {record:?}");
+            assert!(record.reach >= 0.0 && record.radiance.min_element() >= 0.0, "{method:?}: {record:?}");
+        }
     }
 }

@@ -108,7 +108,7 @@ impl Subject {
     /// Renders a picture and measures its error.
     fn measure(&self, settings: &Settings, reference: &Reference, own: Option<RelMse>) -> Result<Record, Failure> {
         let knows_peak = machine::forget_peak();
-        let Rendering { film, statistics } =
+        let Rendering { film, statistics, .. } =
             integrator::render(&self.scene, settings, &|_| ()).map_err(Failure::input)?;
         let peak = machine::peak_bytes().filter(|_| knows_peak);
         let picture = film.picture();

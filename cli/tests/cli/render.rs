@@ -115,6 +115,33 @@ fn rungs_are_channels_where_they_are_asked_for() {
 }
 
 #[test]
+fn records_are_points_of_the_scene() {
+    let folder = folder();
+    cornell(folder.path(), &["--method", "reproject", "--out=b.exr", "--records", "r.ply", "--stats=s.json"])
+        .expect_done();
+    let text = fs::read_to_string(folder.path().join("r.ply")).expect("it is text");
+    let statistics: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.path().join("s.json")).unwrap()).expect("it is JSON");
+    let (header, body) = text.split_once("end_header\n").expect("a header");
+    let points: Vec<Vec<f32>> =
+        body.lines().map(|line| line.split(' ').map(|word| word.parse().expect("a number")).collect()).collect();
+    let count = |kind: f32| points.iter().filter(|point| point[13] == kind).count() as u64;
+    assert!(header.contains(&format!("element vertex {}\n", points.len())), "{header}");
+    assert_eq!(Some(count(0.0)), statistics["records"].as_u64(), "of radiance");
+    assert_eq!(Some(count(1.0)), statistics["irradiance_records"].as_u64(), "of irradiance");
+    assert!(count(1.0) > 0, "there are some");
+    for point in &points {
+        assert!(point[..3].iter().all(|x| (-1.0..=561.0).contains(x)), "in the box: {point:?}");
+        let length = point[3..6].iter().map(|x| x * x).sum::<f32>();
+        assert!((length - 1.0).abs() < 1e-4 && point[6] >= 0.0 && point[7..10].iter().all(|x| *x >= 0.0), "{point:?}");
+    }
+    // What a refused command would have written is not there.
+    let run = cornell(folder.path(), &["--out=c.exr", "--records=p.ply"]);
+    run.expect_refused(2, "path keeps no records; choose --method reproject or cache-only");
+    assert!(!folder.path().join("p.ply").exists() && !folder.path().join("c.exr").exists(), "nothing is written");
+}
+
+#[test]
 fn a_term_alone_is_the_picture() {
     let folder = folder();
     cornell(folder.path(), &["--out=all.exr"]).expect_done();

@@ -122,7 +122,8 @@ pub fn render_to_error(
         last_bias = estimate.bias;
         if estimate.is_reached || round == MAX_ROUNDS || quality >= most || stalled == MAX_STALLED {
             statistics.render_seconds = start.elapsed().as_secs_f64();
-            return Ok((Rendering { film: passes.film, statistics }, estimate));
+            let Passes { film, records, .. } = passes;
+            return Ok((Rendering { film, statistics, records }, estimate));
         }
         let excess = estimate.excess(error);
         // What bias is left only better passes take away.

@@ -6,11 +6,13 @@ use scene::Scene;
 
 use super::{ErrorEstimate, PASSES, WANTED_SHARE, student};
 use crate::sampler::hash_pair;
-use crate::{Film, Progress, Rendering, Settings, SettingsError, Statistics, metrics, render};
+use crate::{Film, Progress, RecordPoint, Rendering, Settings, SettingsError, Statistics, metrics, render};
 
 /// The passes so far.
 pub(super) struct Passes {
     pub(super) film: Film,
+    /// The records of the last pass.
+    pub(super) records: Vec<RecordPoint>,
     pub(super) count: u32,
     pub(super) weight: f32,
     /// Sums over the passes of w^2, and for each pixel of w^2 x and w^2 x^2.
@@ -38,7 +40,7 @@ impl Passes {
     pub(super) fn new(size: UVec2) -> Self {
         let film = Film::new(size);
         let zeros = vec![0.0; film.pixel_count()];
-        Self { film, count: 0, weight: 0.0, weight_sq: 0.0, value: zeros.clone(), value_sq: zeros }
+        Self { film, records: Vec::new(), count: 0, weight: 0.0, weight_sq: 0.0, value: zeros.clone(), value_sq: zeros }
     }
 
     /// Renders and adds a round of passes of this quality.
@@ -53,9 +55,10 @@ impl Passes {
         for _ in 0..PASSES {
             let seed = hash_pair(settings.seed, u64::from(self.count));
             let pass = Settings { quality, seed, ..settings.clone() };
-            let Rendering { film, statistics: of_pass } = render(scene, &pass, progress)?;
+            let Rendering { film, statistics: of_pass, records } = render(scene, &pass, progress)?;
             self.add(&film, quality);
             statistics.add_pass(&of_pass);
+            self.records = records;
         }
         Ok(())
     }

@@ -117,6 +117,11 @@ impl Index {
         })
     }
 
+    /// All records in the order in which they were entered.
+    pub(crate) fn records(&self) -> &[Record] {
+        &self.records
+    }
+
     /// Number of records.
     pub(crate) fn len(&self) -> usize {
         self.records.len()

@@ -162,6 +162,11 @@ impl Record {
         self.frame.n
     }
 
+    /// Mean radiance over the projected hemisphere, W m^-2 sr^-1.
+    pub(crate) fn mean_radiance(&self) -> Vec3 {
+        self.mean[0] + self.mean[1]
+    }
+
     /// No point farther off than this takes anything from it, metres.
     pub(crate) fn reach(&self) -> f32 {
         self.radii[1]

@@ -24,6 +24,7 @@ fn picture_does_not_depend_on_the_threads() {
             spp: Some(4),
             quality: 0.02,
             rungs: true,
+            records: true,
             seed: 5,
         };
         let with_threads = |threads| -> Rendering {
