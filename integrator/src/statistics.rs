@@ -3,7 +3,7 @@
 use std::ops::AddAssign;
 use std::time::Instant;
 
-use rayon::iter::ParallelIterator;
+use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 /// Rays by what they were traced for.
@@ -43,7 +43,7 @@ impl AddAssign for RayCounts {
 }
 
 /// Maps in parallel and in order, while each item counts its rays for itself; all are added to `rays`.
-pub(crate) fn map_counting<T: ParallelIterator, R: Send>(
+pub(crate) fn map_counting<T: IndexedParallelIterator, R: Send>(
     items: T,
     rays: &mut RayCounts,
     map: impl Fn(T::Item, &mut RayCounts) -> R + Send + Sync,

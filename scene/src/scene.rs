@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use freeform::Solid;
 use glam::{UVec2, Vec2, Vec3, Vec3A};
+use rayon::prelude::*;
 
 use crate::bvh::{Bvh, Primitive};
 use crate::check;
@@ -447,21 +448,23 @@ fn primitives(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> 
 
 /// Returns the triangles that shine.
 fn triangle_lights(triangles: &Triangles, materials: &[Material], textures: &[Arc<Texture>]) -> Vec<TriangleLight> {
-    let light = |(primitive, i): (u32, usize)| {
+    let light = |primitive: u32| {
+        let i = primitive as usize;
         let material = &materials[triangles.material(i) as usize];
         if !material.is_emissive() {
             return None;
         }
         let light = TriangleLight::new(triangles.corners(i), material.emission * material.opacity, primitive)?;
-        Some(match Pattern::new(material, textures) {
+        match Pattern::new(material, textures) {
             Some(pattern) => {
                 let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|barycentrics| triangles.uv(i, barycentrics));
                 light.with_pattern(pattern, uvs)
             }
-            None => light,
-        })
+            None => Some(light),
+        }
     };
-    (0u32..).zip(0..triangles.len()).filter_map(light).collect()
+    let count = u32::try_from(triangles.len()).expect("primitives are limited to less than 2^32");
+    (0..count).into_par_iter().filter_map(light).collect()
 }
 
 /// Returns the free forms that shine; those without bounds are left to chance.
@@ -482,7 +485,7 @@ fn form_lights(
         let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
         let light = FormLight::new(&form.body, material.emission, material.opacity, primitive, &mut areas)?;
         Some(match Pattern::new(material, textures) {
-            Some(pattern) => light.with_pattern(pattern, form.projector.clone()),
+            Some(pattern) => light.with_pattern(pattern, form.projector.clone(), &mut areas),
             None => light,
         })
     };

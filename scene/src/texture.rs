@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 
 use crate::srgb::linear_from_srgb;
 
-/// A picture for colours or masks.
+/// A picture for colours, light or masks.
 #[derive(Debug, Clone)]
 pub struct Texture {
     width: u32,
@@ -78,6 +78,37 @@ impl Texture {
         rgb.element_sum() / 3.0
     }
 
+    /// Whether no texel shines.
+    #[must_use]
+    pub fn is_black(&self) -> bool {
+        match &self.texels {
+            Texels::Coded { codes, .. } => codes.iter().all(|code| *code == [0; 3]),
+            Texels::Linear(texels) => texels.iter().all(|texel| *texel == Vec3::ZERO),
+        }
+    }
+
+    /// Whether it is black wherever the coordinates lie between `least` and `most`. Where that are many texels they are not looked at: then it may not be.
+    pub(crate) fn is_black_between(&self, least: Vec2, most: Vec2) -> bool {
+        const MOST_TEXELS: i64 = 4096;
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        // A texel more to each side than the filter reaches, for rounding; rows run down.
+        let low = (Vec2::new(least.x, 1.0 - most.y) * size - 2.0).floor();
+        let high = (Vec2::new(most.x, 1.0 - least.y) * size + 2.0).floor();
+        if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e9) {
+            return false;
+        }
+        let (low, high) = (low.as_i64vec2(), high.as_i64vec2());
+        if (high - low + 1).element_product() > MOST_TEXELS {
+            return false;
+        }
+        let texel = |x: i64, y: i64| wrap(y, self.height) as usize * self.width as usize + wrap(x, self.width) as usize;
+        let is_black = |i: usize| match &self.texels {
+            Texels::Coded { codes, .. } => codes[i] == [0; 3],
+            Texels::Linear(texels) => texels[i] == Vec3::ZERO,
+        };
+        (low.y..=high.y).all(|y| (low.x..=high.x).all(|x| is_black(texel(x, y))))
+    }
+
     /// Returns the memory held, bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
@@ -117,10 +148,14 @@ fn neighbours(u: f32, size: u32) -> (u32, u32, f32) {
     let x = (u - u.floor()) * size as f32 - 0.5;
     let floor = x.floor();
     let fraction = x - floor;
-    let wrap = |i: i64| u32::try_from(i.rem_euclid(i64::from(size))).unwrap_or(0);
     #[expect(clippy::cast_possible_truncation, reason = "a number between -1 and the picture's size")]
     let first = floor as i64;
-    (wrap(first), wrap(first + 1), if fraction.is_finite() { fraction } else { 0.0 })
+    (wrap(first, size), wrap(first + 1, size), if fraction.is_finite() { fraction } else { 0.0 })
+}
+
+/// Returns a number of a texel that repeats.
+fn wrap(i: i64, size: u32) -> u32 {
+    u32::try_from(i.rem_euclid(i64::from(size))).unwrap_or(0)
 }
 
 fn check_size(width: u32, height: u32, count: usize) {
@@ -146,6 +181,25 @@ mod tests {
         // sRGB code 188 is 0.5028 linear (IEC 61966-2-1).
         assert!((texture.color(Vec2::new(0.25, 0.25)).x - 0.50289).abs() < 1e-4, "lower left is made linear");
         assert!((texture.mask(Vec2::new(0.25, 0.25)) - 188.0 / 255.0).abs() < 1e-6, "a mask is taken as it is");
+    }
+
+    #[test]
+    fn black_is_found_where_all_of_it_is() {
+        // One texel of 64 x 32 shines: the third from the left, in the fifth row from below.
+        let mut texels = vec![Vec3::ZERO; 64 * 32];
+        texels[(32 - 5) * 64 + 2] = Vec3::Y;
+        let texture = Texture::from_linear(64, 32, texels);
+        let place = Vec2::new(2.5 / 64.0, 4.5 / 32.0);
+        let near = |u: f32, v: f32, reach: f32| {
+            let p = Vec2::new(u, v);
+            texture.is_black_between(p - reach, p + reach)
+        };
+        assert!(!texture.is_black() && Texture::from_srgb8(1, 1, vec![[0; 3]]).is_black(), "all of it");
+        assert!(!near(place.x, place.y, 0.0) && !near(place.x, place.y, 0.3), "around the texel");
+        assert!(!near(place.x - 3.0, place.y + 7.0, 0.01), "and its repetitions");
+        assert!(!near(place.x + 1.0 / 64.0, place.y, 0.0), "and where the filter reaches it");
+        assert!(near(0.5, 0.5, 0.1) && near(place.x, 1.0 - place.y, 0.01), "elsewhere it is black");
+        assert!(!near(0.5, 0.5, 5.0) && !near(f32::NAN, 0.5, 0.1) && !near(1e30, 0.5, 0.1), "nobody looks there");
     }
 
     #[test]

@@ -77,6 +77,14 @@ fn exr_pictures_load() {
 #[test]
 fn emission_alone_may_be_above_1() {
     let bright = exr_file(&["R", "G", "B"], Compression::ZIP16, |_| 5.0);
+    let dark = exr_file(&["R", "G", "B"], Compression::ZIP16, |_| 0.0);
+    for (picture, shines) in [(&bright, true), (&dark, false)] {
+        let files = [("a.obj", OBJ), ("a.mtl", &b"newmtl m\nmap_Ke a.exr"[..]), ("a.exr", picture)];
+        let description = common::load_files(&files).unwrap().description;
+        let material = &description.materials[0];
+        assert_eq!((material.diffuse, material.emission_texture), (Vec3::ZERO, shines.then_some(0)), "over black");
+        assert_eq!(description.environment.is_none(), shines, "what does not shine gets a sky");
+    }
     for (key, value) in [("map_Ke", 5.0), ("map_Kd", 1.0)] {
         let texture = texture(key, "a.exr", &bright).unwrap();
         assert_eq!(texture.color(Vec2::splat(0.5)), Vec3::splat(value), "{key}");

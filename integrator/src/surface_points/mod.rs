@@ -41,6 +41,7 @@ const LONG_CHAIN: u32 = 16;
 const MAX_CHAIN: u32 = 1000;
 /// Branches that carry less than this are ended by roulette.
 const MIN_THROUGHPUT: f32 = 0.01;
+
 /// A primary ray on its way.
 struct Branch {
     ray: Ray,

@@ -1,10 +1,11 @@
-//! Areas of free forms that shine, each solid's measured once.
+//! Areas of free forms that shine, and what their pictures let through in the mean, each solid's measured once.
 //!
 //! A copy of a solid that is turned and scaled alike along all axes has its area times the square of the factor. Other copies are measured for themselves.
 
 use std::sync::Arc;
 
 use freeform::Solid;
+use glam::Vec3;
 
 use super::form::{FormLight, ball_radius};
 use crate::body::Body;
@@ -21,6 +22,8 @@ pub(crate) struct Areas {
     lines: u32,
     /// The solid measured last, with its area; copies of a solid come one after the other.
     last: Option<(Arc<Solid>, f64)>,
+    /// The same for the mean factor of its pictures.
+    last_mean: Option<(Arc<Solid>, Vec3)>,
 }
 
 impl Areas {
@@ -33,7 +36,7 @@ impl Areas {
         };
         let count = bodies.filter(is_measured).count();
         let lines = u32::try_from(LINES_TOTAL / count.max(1)).map_or(LINES, |lines| lines.clamp(64, LINES));
-        Self { lines, last: None }
+        Self { lines, last: None, last_mean: None }
     }
 
     /// Returns the area of a light, m^2.
@@ -46,6 +49,20 @@ impl Areas {
                 let area = light.measured_area(self.lines);
                 self.last = Some((solid.clone(), area / (factor * factor)));
                 area
+            }
+        }
+    }
+
+    /// Returns the mean factor of the pictures of a light. Copies of a solid have the same pictures; those that are stretched show them in about the same
+    /// shares.
+    pub(super) fn mean_of(&mut self, light: &FormLight) -> Vec3 {
+        let solid = light.body.solid();
+        match &self.last_mean {
+            Some((last, mean)) if Arc::ptr_eq(last, solid) => *mean,
+            _ => {
+                let mean = light.measured_mean(self.lines);
+                self.last_mean = Some((solid.clone(), mean));
+                mean
             }
         }
     }

@@ -86,13 +86,15 @@ impl FormLight {
     }
 
     /// Draws light and holes into it, where `projector` lays the pictures.
-    pub(crate) fn with_pattern(self, pattern: Pattern, projector: Option<Arc<Projector>>) -> Self {
-        /// Places along an edge of the picture.
-        const SIDE: u16 = 16;
-        let places =
-            (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| (Vec2::new(i.into(), j.into()) + 0.5) / f32::from(SIDE)));
-        let (is_pierced, mean) = (self.is_pierced || pattern.has_holes(), pattern.mean(places));
-        Self { is_pierced, pattern: Some(Box::new(FormPattern { pattern, projector, mean })), ..self }
+    pub(crate) fn with_pattern(self, pattern: Pattern, projector: Option<Arc<Projector>>, areas: &mut Areas) -> Self {
+        let is_pierced = self.is_pierced || pattern.has_holes();
+        let pattern = FormPattern { pattern, projector, mean: Vec3::ONE };
+        let mut light = Self { is_pierced, pattern: Some(Box::new(pattern)), ..self };
+        let mean = areas.mean_of(&light);
+        if let Some(pattern) = &mut light.pattern {
+            pattern.mean = mean;
+        }
+        light
     }
 
     /// Returns the flux, W; of what is no ball right to about a hundredth, with a pattern about that.
@@ -106,13 +108,14 @@ impl FormLight {
     fn radiance_at(&self, line: &LineRay, t: f64, part: u32) -> Vec3 {
         match &self.pattern {
             None => self.radiance,
-            Some(it) => {
-                let local = self.body.local_point(line.at(t));
-                let n = self.body.solid().normal_at(part, local, self.body.local_vector(line.direction));
-                let uv = self.body.texture_coordinates(it.projector.as_deref(), local, n);
-                self.radiance * it.pattern.at(uv.as_vec2())
-            }
+            Some(it) => self.radiance * it.pattern.at(self.texture_coordinates(it, line, t, part)),
         }
+    }
+
+    fn texture_coordinates(&self, pattern: &FormPattern, line: &LineRay, t: f64, part: u32) -> Vec2 {
+        let local = self.body.local_point(line.at(t));
+        let n = self.body.solid().normal_at(part, local, self.body.local_vector(line.direction));
+        self.body.texture_coordinates(pattern.projector.as_deref(), local, n).as_vec2()
     }
 
     /// Returns a box around it.
@@ -232,15 +235,30 @@ impl FormLight {
         }
     }
 
-    /// Returns the area, m^2, by the exits of so many lines.
+    /// Returns the area, m^2, by the exits of so many lines: above 0, for what is thin may be missed by all.
     pub(super) fn measured_area(&self, lines: u32) -> f64 {
         let mut exits = 0.0;
-        for i in 0..lines {
+        self.even_lines(lines).for_each(|line| self.exits(line, |_, _| exits += 1.0));
+        self.line_measure() * f64::max(exits, 0.5) / f64::from(lines) / PI
+    }
+
+    /// Returns the mean factor of its pattern, by the exits of so many lines.
+    pub(super) fn measured_mean(&self, lines: u32) -> Vec3 {
+        let Some(it) = &self.pattern else { return Vec3::ONE };
+        let mut places = Vec::new();
+        for line in self.even_lines(lines) {
+            self.exits(line, |t, part| places.push(self.texture_coordinates(it, &line, t, part)));
+        }
+        it.pattern.mean(places.into_iter())
+    }
+
+    /// Returns lines that are spread evenly over all that pass the sphere.
+    fn even_lines(&self, count: u32) -> impl Iterator<Item = LineRay> {
+        (0..count).map(|i| {
             // Roberts' sequence in four dimensions: powers of the root of x^5 = x + 1.
             let u = |power: i32| (0.5 + f64::from(i) * 1.167_303_978_261_418_7_f64.powi(-power)).fract();
-            self.exits(self.line(DVec2::new(u(1), u(2)), DVec2::new(u(3), u(4))), |_, _| exits += 1.0);
-        }
-        self.line_measure() * exits / f64::from(lines) / PI
+            self.line(DVec2::new(u(1), u(2)), DVec2::new(u(3), u(4)))
+        })
     }
 }
 

@@ -78,10 +78,11 @@ pub struct LightSample {
 }
 
 impl LightSample {
-    /// A sample of a light that has a surface; `None` where density or distance are no use, as for a light that is seen edge on.
+    /// A sample of a light that has a surface; `None` where density or distance are no use, as for a light that is seen edge on, or
+    /// nothing comes from there.
     #[inline]
     fn of_surface(wi: Vec3A, distance: f32, radiance: Vec3, pdf: f32) -> Option<Self> {
-        let is_sound = pdf > 0.0 && pdf.is_finite() && distance > 0.0;
+        let is_sound = pdf > 0.0 && pdf.is_finite() && distance > 0.0 && radiance != Vec3::ZERO;
         is_sound.then_some(Self { wi, distance, radiance, pdf, delta: false })
     }
 }
@@ -105,7 +106,7 @@ fn pdf_by_area(cosine: f32, area: f32, distance_sq: f32) -> f32 {
 pub struct Emission {
     /// Where it starts and how it travels.
     pub ray: Ray,
-    /// Flux of this photon, W, already divided by its density: the mean over photons is the lights' total flux.
+    /// Flux of this photon, W, already divided by its density: the mean over photons is the lights' flux.
     pub flux: Vec3,
 }
 
@@ -213,7 +214,8 @@ impl Lights {
         self.count() == self.punctual.len()
     }
 
-    /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene.
+    /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene. Where pictures say how a light shines that is an estimate,
+    /// by which lights are chosen.
     #[must_use]
     pub fn total_flux(&self) -> Vec3 {
         self.total_flux
@@ -248,7 +250,8 @@ impl Lights {
 
     /// Returns the density of [`Lights::sample`] at `p` for the direction `wi` in which a ray from `p` met `surface`, per steradian.
     ///
-    /// 0 where the surface does not shine to that side or is not among the lights that are sampled.
+    /// 0 where the surface does not shine to that side or is not among the lights that are sampled, and where `p` is so near to the plane of a flat light that rounding may have
+    /// moved it there.
     #[inline]
     #[must_use]
     pub fn pdf_surface(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {

@@ -34,10 +34,27 @@ impl Pattern {
         color * self.opacity.as_ref().map_or(1.0, |texture| texture.mask(uv))
     }
 
+    /// Whether nothing shines where the texture coordinates lie within the box of some corners.
+    pub(super) fn is_black_between(&self, corners: &[Vec2]) -> bool {
+        let least = corners.iter().copied().fold(Vec2::INFINITY, Vec2::min);
+        let most = corners.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
+        [&self.emission, &self.opacity].into_iter().flatten().any(|texture| texture.is_black_between(least, most))
+    }
+
     /// Returns the mean factor of some places, by which light is chosen: above 0, for there may be something that was not seen.
     pub(super) fn mean(&self, places: impl Iterator<Item = Vec2>) -> Vec3 {
+        /// The least share of the brightest place.
         const LEAST: f32 = 1.0 / 64.0;
-        let (sum, count) = places.fold((Vec3::ZERO, 0.0), |(sum, count), uv| (sum + self.at(uv), count + 1.0));
-        (sum / count).max(Vec3::splat(LEAST))
+        let (mut sum, mut count, mut brightest) = (Vec3::ZERO, 0.0, 0.0f32);
+        for uv in places {
+            let factor = self.at(uv);
+            sum += factor;
+            count += 1.0;
+            brightest = brightest.max(factor.max_element());
+        }
+        if brightest == 0.0 {
+            brightest = self.emission.as_ref().map_or(1.0, |texture| texture.range().1);
+        }
+        (sum / f32::max(count, 1.0)).max(Vec3::splat(LEAST * brightest))
     }
 }

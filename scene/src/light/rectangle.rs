@@ -71,7 +71,7 @@ impl RectangleLight {
             axes: [Vec3A::from(x) / lengths.x, Vec3A::from(y) / lengths.y],
             lengths,
             normal: first.normal,
-            clearance: first.clearance.max(second.clearance),
+            clearance: first.clearance.max(second.clearance) + tolerance,
             radiance: first.radiance,
             primitive: first.primitive,
         })

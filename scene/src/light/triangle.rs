@@ -8,7 +8,7 @@
 
 use std::f32::consts::PI;
 
-use glam::{DVec3, Vec2, Vec3, Vec3A};
+use glam::{DVec3, Vec2, Vec3, Vec3A, swizzles::Vec3Swizzles};
 
 use super::pattern::Pattern;
 use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
@@ -66,9 +66,10 @@ impl TriangleLight {
         (light.area > 0.0 && radiance.max_element() > 0.0).then_some(light)
     }
 
-    /// Draws light and holes into it.
-    pub(crate) fn with_pattern(self, pattern: Pattern, uvs: [Vec2; 3]) -> Self {
-        Self { pattern: Some(Box::new(TrianglePattern::new(pattern, uvs))), ..self }
+    /// Draws light and holes into it; `None` where nothing is left.
+    pub(crate) fn with_pattern(self, pattern: Pattern, uvs: [Vec2; 3]) -> Option<Self> {
+        let is_black = pattern.is_black_between(&uvs);
+        (!is_black).then(|| Self { pattern: Some(Box::new(TrianglePattern::new(pattern, uvs))), ..self })
     }
 
     /// Returns the flux, W; with a pattern about that.
@@ -76,21 +77,14 @@ impl TriangleLight {
         self.radiance * (PI * self.area) * self.pattern.as_ref().map_or(Vec3::ONE, |pattern| pattern.mean)
     }
 
-    /// Returns the radiance of a point of it: of all rays that meet it there, some pass.
+    /// Returns the radiance of a point of it, which is given by the barycentrics of the second and the third corner, where it matters: of all rays that meet
+    /// it there, some pass.
     #[inline]
-    fn radiance_at(&self, p: Vec3A) -> Vec3 {
+    fn radiance_at(&self, barycentrics: impl FnOnce() -> Vec2) -> Vec3 {
         match &self.pattern {
             None => self.radiance,
-            Some(it) => self.radiance * it.pattern.at(interpolated(it.uvs, self.barycentrics(p))),
+            Some(it) => self.radiance * it.pattern.at(interpolated(it.uvs, barycentrics())),
         }
-    }
-
-    /// Returns the barycentrics of a point in the plane, those of the second and the third corner.
-    fn barycentrics(&self, p: Vec3A) -> Vec2 {
-        let [a, b, c] = self.corners.map(Vec3A::from);
-        let normal = (b - a).cross(c - a);
-        let share = |edge: Vec3A, other: Vec3A| edge.cross(other).dot(normal) / normal.length_squared();
-        Vec2::new(share(p - a, c - a), share(b - a, p - a))
     }
 
     /// Returns the triangle as `p` sees it; `None` from behind.
@@ -107,16 +101,19 @@ impl TriangleLight {
     /// Returns the density of a direction in which a ray from `p` met this triangle at `surface`, per steradian.
     #[inline]
     pub(super) fn pdf(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
+        if !self.is_seen_from(p) {
+            return 0.0;
+        }
         match self.near(p) {
-            _ if !self.is_seen_from(p) => 0.0,
             Some(triangle) => narrow(1.0 / triangle.solid_angle),
             None => pdf_by_area(-self.normal.dot(wi), self.area, surface.p.distance_squared(p)),
         }
     }
 
     pub(super) fn emit(&self, u_position: Vec2, u_direction: Vec2) -> Emission {
+        let radiance = self.radiance_at(|| barycentrics(u_position));
         let p = self.point(u_position);
-        leave(p, self.normal, largest(&self.corners), u_direction, self.radiance_at(p) * (PI * self.area))
+        leave(p, self.normal, largest(&self.corners), u_direction, radiance * (PI * self.area))
     }
 
     /// Returns a point that is uniform over the area.
@@ -148,6 +145,19 @@ impl TrianglePattern {
         let mean = pattern.mean(places.map(|place| interpolated(uvs, place)));
         Self { pattern, uvs, mean }
     }
+}
+
+/// Returns the barycentrics of the second and the third corner of a point that is uniform over the area, see [`TriangleLight::point`].
+fn barycentrics(u: Vec2) -> Vec2 {
+    u.x.sqrt() * Vec2::new(1.0 - u.y, u.y)
+}
+
+/// Returns those of a point in the plane of the corners, or of one within the triangle near it.
+fn barycentrics_of(p: DVec3, [a, b, c]: [DVec3; 3]) -> Vec2 {
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let area = |edge: DVec3, other: DVec3| edge.cross(other).dot(normal).max(0.0);
+    let shares = DVec3::new(area(b - p, c - p), area(c - p, a - p), area(a - p, b - p));
+    (shares / shares.element_sum().max(f64::MIN_POSITIVE)).yz().as_vec2()
 }
 
 /// Returns what has these values at the corners of a triangle at a point of it, given by the barycentrics of the second and the third one.
@@ -199,12 +209,13 @@ impl SeenTriangle<'_> {
                 if !is_over_horizon(n, wi) {
                     return None;
                 }
-                let [a, b, c] = light.corners.map(|corner| corner.as_dvec3());
+                let corners = light.corners.map(|corner| corner.as_dvec3());
+                let ([a, b, c], p) = (corners, p.as_dvec3());
                 let normal = (b - a).cross(c - a);
-                let distance = normal.dot(a - p.as_dvec3()) / normal.dot(direction);
+                let distance = normal.dot(a - p) / normal.dot(direction);
                 let pdf = narrow(1.0 / triangle.solid_angle) * probability;
-                let distance = narrow(distance);
-                LightSample::of_surface(wi, distance, light.radiance_at(*p + wi * distance), pdf)
+                let radiance = light.radiance_at(|| barycentrics_of(p + direction * distance, corners));
+                LightSample::of_surface(wi, narrow(distance), radiance, pdf)
             }
             None => {
                 let point = light.point(u);
@@ -216,7 +227,7 @@ impl SeenTriangle<'_> {
                     return None;
                 }
                 let pdf = pdf_by_area(-light.normal.dot(wi), light.area, distance_sq) * probability;
-                LightSample::of_surface(wi, distance, light.radiance_at(point), pdf)
+                LightSample::of_surface(wi, distance, light.radiance_at(|| barycentrics(u)), pdf)
             }
         }
     }

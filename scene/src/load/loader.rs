@@ -57,6 +57,16 @@ impl<'a> Loader<'a> {
         }
     }
 
+    /// Makes dark what shines by a picture that is black, as exporters write it for materials that do not shine.
+    fn put_out_black_pictures(&mut self) {
+        let black: Vec<bool> = self.description.textures.iter().map(Texture::is_black).collect();
+        for material in &mut self.description.materials {
+            if material.emission_texture.is_some_and(|texture| black[texture as usize]) {
+                (material.emission, material.emission_texture) = (Vec3::ZERO, None);
+            }
+        }
+    }
+
     /// Ends the work: a scene without light gets a sky, and the surroundings are scaled.
     pub(super) fn finish(
         mut self,
@@ -64,6 +74,7 @@ impl<'a> Loader<'a> {
         environment_scale: f32,
         place: Place<'_>,
     ) -> Result<Loaded, LoadError> {
+        self.put_out_black_pictures();
         let shining: Vec<bool> =
             self.description.materials.iter().map(|material| material.emission != Vec3::ZERO).collect();
         let description = &mut self.description;

@@ -2,9 +2,9 @@
 
 use std::f32::consts::PI;
 
-use glam::{DAffine3, DVec3, Vec3, Vec3A};
+use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Psi, Quadric, Solid};
-use scene::{Description, FormObject, Material, Projection, Ray, Scene, Texture};
+use scene::{Description, FormObject, Material, Mesh, Projection, Ray, Scene, Texture};
 
 use crate::measure::{Random, assert_irradiance, emitter, irradiance, is_normal};
 
@@ -168,9 +168,9 @@ fn photons_of_free_forms_carry_their_flux() {
 
 #[test]
 fn photons_start_where_pictures_let_a_form_shine() {
-    // Of a ball of radius 0.5 the half at y < 0 shines: a picture is laid through it along z.
-    let rows = [[Vec3::ZERO; 512], [Vec3::splat(4.0); 512]].concat();
-    let projection = Projection::planar(DVec3::Y * -1.0, DVec3::X, DVec3::Y * 2.0);
+    // Of a ball of radius 0.5 the half at y < 0 shines: a picture is laid through it along z, of which a quarter is bright.
+    let rows = [[Vec3::ZERO; 768].as_slice(), &[Vec3::splat(4.0); 256]].concat();
+    let projection = Projection::planar(DVec3::Y * -1.0, DVec3::X, DVec3::Y * 4.0);
     let holes: Vec<Vec3> = rows.iter().map(|row| *row / 4.0).collect();
     let shining = Material { emission_texture: Some(0), ..emitter(0.25) };
     let pierced = Material { opacity_texture: Some(0), ..emitter(1.0) };
@@ -182,15 +182,60 @@ fn photons_start_where_pictures_let_a_form_shine() {
             Description { forms: vec![form], materials: vec![material], textures, ..Description::default() };
         let scene = Scene::new(description).expect("a right scene");
         let half = f64::from(PI) * f64::from(PI) / 2.0;
-        assert!((f64::from(scene.lights().total_flux().x) / half - 1.0).abs() < 1e-2, "{what}: its flux");
+        assert!((f64::from(scene.lights().total_flux().x) / half - 1.0).abs() < 3e-2, "{what}: its flux");
         let (mut random, n) = (Random(5), 200_000);
         let mut flux = 0.0;
         for _ in 0..n {
             let Some(emission) = scene.lights().emit(random.next(), random.pair(), random.pair()) else { continue };
-            let is_lit = emission.ray.origin.y < 1e-3;
+            let is_lit = emission.ray.origin.y < 4e-3;
             assert!(is_lit || emission.flux == Vec3::ZERO, "{what}: {emission:?}");
             flux += f64::from(emission.flux.x);
         }
         assert!((flux / f64::from(n) / half - 1.0).abs() < 1e-2, "{what}: {flux} of {n} photons");
     }
+}
+
+#[test]
+fn samples_of_patterned_lights_carry_what_is_seen_there() {
+    // A picture of many colours on a turned triangle, on a ball, and on copies of a box that are turned and stretched.
+    let colors: Vec<Vec3> = (0..64u8).map(|i| Vec3::new(f32::from(i), f32::from(i % 8), 1.0) / 64.0).collect();
+    let textures = vec![Texture::from_linear(8, 8, colors)];
+    let material = Material { emission_texture: Some(0), ..emitter(3.0) };
+    let triangle = Mesh {
+        positions: vec![Vec3::new(-2.0, -1.0, 3.0), Vec3::new(-2.5, 1.0, 2.0), Vec3::new(-1.0, 0.5, 2.5)],
+        triangles: vec![[0, 1, 2]],
+        uvs: vec![Vec2::new(-0.3, 0.1), Vec2::new(1.7, 0.4), Vec2::new(0.5, 2.2)],
+        uv_indices: vec![[0, 1, 2]],
+        materials: vec![0],
+        ..Mesh::default()
+    };
+    let bar = Solid::cuboid(DVec3::new(-0.5, -0.2, -0.3), DVec3::new(0.5, 0.2, 0.3)).expect("a box");
+    let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);
+    let copy =
+        |x: f64| DAffine3::from_scale_rotation_translation(DVec3::new(1.0, 2.0, 0.7), turn, DVec3::new(x, -1.0, 2.0));
+    let form = |solid, projection, copies| FormObject { name: String::new(), solid, material: 0, projection, copies };
+    let forms = vec![
+        form(ball(DVec3::new(1.0, 1.0, 3.0), 0.7), None, vec![]),
+        form(bar, Some(Projection::cube(DVec3::X * 0.1, 0.3)), vec![copy(0.0), copy(1.5)]),
+    ];
+    let description =
+        Description { meshes: vec![triangle], forms, materials: vec![material], textures, ..Description::default() };
+    let scene = Scene::new(description).expect("a right scene");
+    assert_eq!(scene.lights().count(), 4, "all are sampled");
+    let (mut random, mut counts) = (Random(11), [0; 4]);
+    // Steps of the picture and of positions do not fall together: a few samples lie at the edge of a side.
+    let mut off = 0;
+    for _ in 0..20_000 {
+        let Some(sample) = scene.lights().sample(Vec3A::ZERO, Vec3A::Z, random.next(), random.pair()) else { continue };
+        let ray = Ray::new(Vec3A::ZERO, sample.wi);
+        let Some(hit) = scene.intersect(&ray) else { continue };
+        if (hit.t - sample.distance).abs() > 1e-4 {
+            continue; // another one stands before it
+        }
+        counts[hit.primitive as usize] += 1;
+        let seen = scene.emission(&scene.surface(&ray, &hit));
+        off += u32::from((sample.radiance - seen).abs().max_element() > 0.01);
+    }
+    assert!(counts.iter().all(|count| *count > 500), "all are met: {counts:?}");
+    assert!(off < 20, "{off} samples carry something else");
 }

@@ -129,7 +129,7 @@ fn check_half_a_square(material: Material, level: f32) {
     let known = |x: f64, p: DVec3| polygon_irradiance(&half.map(|corner| corner + DVec3::X * x), p, DVec3::Z) / PI;
     let effort = Effort { path_spp: 256, spp: 256, seeds: 2, ..Effort::default() };
     let straight = builder.clone().build();
-    assert!(!straight.features().emissive_unsampled, "it is sampled");
+    assert!(straight.lights().count() >= 1, "it is sampled");
     // A mirror at x = -0.75, whose front looks along x, shows the lamp a second time, at x = -1.5.
     let mirrored = builder.square(Vec3::X * -0.75, Vec3::X, 100.0, mirror(1.0)).build();
     for method in METHODS {
@@ -146,7 +146,7 @@ fn check_half_a_ball(material: Material, level: f32) {
     let height = DVec3::Y * 2.0;
     builder.description.forms[0].projection = Projection::planar(DVec3::Y * -1.0, DVec3::X, height);
     let scene = builder.build();
-    assert!(!scene.features().emissive_unsampled, "it is sampled");
+    assert_eq!(scene.lights().count(), 1, "it is sampled");
     let effort = Effort { path_spp: 256, spp: 256, seeds: 2, ..Effort::default() };
     for method in METHODS {
         measure(&scene, method, &effort, |p| half_ball(centre, radius, p)).assert_unbiased("half a ball");
@@ -257,14 +257,20 @@ fn fronts_do_not_light_their_own_backs() {
     let regular = |count: u32| -> Vec<Vec3> {
         (0..count).map(|i| corner(std::f32::consts::TAU * (i as f32 + 0.3) / count as f32)).collect()
     };
-    for (count, what) in [(3, "a triangle"), (4, "a square"), (7, "triangles side by side")] {
-        let front = regular(count);
+    // Two triangles that are a rectangle but for the last digit, in a plane through the origin.
+    let bent = [(2.0, 0.0, 2.0), (2.0, 0.0, 3.0), (3.0, -1e-6, 3.0), (3.0, 0.0, 2.0)].map(Vec3::from).to_vec();
+    let flat = [(3, "a triangle"), (4, "a square"), (7, "triangles side by side")];
+    let lamps = flat.map(|(count, what)| (regular(count), centre, normal, what));
+    let bent = (bent, Vec3::new(2.5, 0.0, 2.5), Vec3::Y, "a bent rectangle");
+    for (front, centre, normal, what) in lamps.into_iter().chain([bent]) {
         let back: Vec<Vec3> = front.iter().rev().copied().collect();
         let seen = || Builder::default().view(centre - normal * 2.0, centre, 10.0);
         let white = Material { diffuse: Vec3::ONE, ..lamp(1.0) };
         let with_back = seen().polygon(&front, white);
-        let with_plate = seen().polygon(&front, lamp(1.0)).polygon(&back, lambert(1.0));
-        for scene in [with_back, with_plate].map(Builder::build) {
+        // Where the lamp is bent, a plate that is cut along the other diagonal would lie in front of it.
+        let with_plate =
+            (what != "a bent rectangle").then(|| seen().polygon(&front, lamp(1.0)).polygon(&back, lambert(1.0)));
+        for scene in [with_back].into_iter().chain(with_plate).map(Builder::build) {
             for method in METHODS {
                 let picture = film(&scene, method, &Effort::default(), 0).picture();
                 assert!(
