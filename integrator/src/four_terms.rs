@@ -1,6 +1,6 @@
 //! The four-term integrator (eq. 7): the picture in bands, each from primary rays over surface points to the film.
 
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 use rayon::prelude::*;
 use scene::Scene;
 
@@ -229,11 +229,7 @@ fn develop<S: Secondary>(
         .par_iter()
         .zip(values)
         .map(|(point, value)| {
-            let caustic = if point.caustics.are_dark() {
-                Vec3::ZERO
-            } else {
-                point.caustics.radiance(secondary.caustic_coverage(&point.shading.surface))
-            };
+            let caustic = point.caustics.radiance(|| secondary.caustic_coverage(&point.shading.surface));
             let glossy = point.specular_weight * value.glossy;
             let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);
             let caustic = point.diffuse_weight * caustic;

@@ -37,8 +37,10 @@ pub(crate) struct SurfacePoint {
 /// Irradiance by caustics at some of the samples of a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CausticLooks {
-    /// Sum over these samples, over their coverage.
+    /// Sum over these samples, times the coverage of the point.
     sum: Vec3,
+    /// The same of samples whose own coverage is known.
+    covered: Vec3,
     /// Number of these samples.
     count: u32,
     /// About the least length over which they change there, metres.
@@ -95,7 +97,12 @@ impl SurfacePoint {
         // By all that a pixel may see, or the number would depend on what was found, and means be wrong.
         let reach = if is_first { self.footprint } else { 0.0 };
         let found = secondary.covered_caustic_irradiance(surface, reach);
-        self.caustics.sum += found.irradiance;
+        if self.footprint > found.radius && found.irradiance != Vec3::ZERO {
+            // The edges of what photons lie on are within the pixel, not around all of it.
+            self.caustics.covered += found.irradiance / secondary.caustic_coverage(surface);
+        } else {
+            self.caustics.sum += found.irradiance;
+        }
         self.caustics.count += 1;
         self.caustics.detail = self.caustics.detail.min(found.radius);
     }
@@ -133,21 +140,21 @@ impl SurfacePoint {
 }
 
 impl CausticLooks {
-    /// Whether there are none.
-    pub(crate) fn are_dark(&self) -> bool {
-        self.sum == Vec3::ZERO
-    }
-
-    /// Returns the mean radiance that they give a white surface, W m^-2 sr^-1, where photons can be on the share `coverage` of what was searched.
-    pub(crate) fn radiance(&self, coverage: f32) -> Vec3 {
-        self.sum * (std::f32::consts::FRAC_1_PI / (self.count as f32 * coverage))
+    /// Returns the mean radiance that they give a white surface, W m^-2 sr^-1. `coverage` tells of the point as a whole on what share of the discs that were searched
+    /// photons can be; it is asked where it matters.
+    pub(crate) fn radiance(&self, coverage: impl FnOnce() -> f32) -> Vec3 {
+        if self.count == 0 {
+            return Vec3::ZERO;
+        }
+        let sum = if self.sum == Vec3::ZERO { Vec3::ZERO } else { self.sum / coverage() };
+        (sum + self.covered) * (std::f32::consts::FRAC_1_PI / self.count as f32)
     }
 }
 
 impl Default for CausticLooks {
     /// None asked yet.
     fn default() -> Self {
-        Self { sum: Vec3::ZERO, count: 0, detail: f32::INFINITY }
+        Self { sum: Vec3::ZERO, covered: Vec3::ZERO, count: 0, detail: f32::INFINITY }
     }
 }
 
@@ -280,7 +287,7 @@ mod tests {
                 point.look_for_caustics(&Ramp(detail), &next.shading.surface);
             }
             assert_eq!(point.caustics.count, expected, "{spread} wide, {detail}");
-            let mean = point.caustics.sum.x / point.caustics.count as f32;
+            let mean = point.caustics.radiance(|| 1.0).x * std::f32::consts::PI;
             assert!((1.0..=1.0 + spread).contains(&mean), "a mean of places: {mean}");
         }
     }

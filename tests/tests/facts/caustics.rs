@@ -23,10 +23,26 @@ fn striped(material: Material, [dark, bright]: [Vec3; 2]) -> Builder {
     floor
 }
 
+/// A floor of boards, of which every second one is `other`.
+fn boards(width: f32, other: &Material) -> Builder {
+    #[expect(clippy::cast_possible_truncation, reason = "a few boards")]
+    let half = (1.5 / width).round() as i32;
+    (-half..half).fold(Builder::default(), |floor, board| {
+        let [left, right] = [board, board + 1].map(|edge| width * edge as f32);
+        let corners = [(left, -1.5), (right, -1.5), (right, 1.5), (left, 1.5)].map(|(x, y)| Vec3::new(x, y, 0.0));
+        floor.polygon(&corners, if board % 2 == 0 { lambert(0.8) } else { other.clone() })
+    })
+}
+
 /// Asserts that every method finds as much of the caustic as the path tracer, but for `bound` of it.
 fn assert_caustic(name: &str, floor: Builder, bound: f64) {
+    assert_caustic_of(64, name, floor, bound);
+}
+
+/// The same in a picture of `side` x `side` pixels.
+fn assert_caustic_of(side: u32, name: &str, floor: Builder, bound: f64) {
     let scene = lit(floor).build();
-    let effort = Effort { side: 64, path_spp: 1024, spp: 16, ..Effort::default() };
+    let effort = Effort { side, path_spp: 4_194_304 / (side * side), spp: 16, ..Effort::default() };
     let mean = |method, seed| {
         let caustic = film(&scene, method, &effort, seed).caustic;
         caustic.iter().map(|radiance| f64::from(radiance.x)).sum::<f64>() / caustic.len() as f64
@@ -61,11 +77,12 @@ fn caustics_on_surfaces_with_holes() {
 fn caustics_beside_what_is_not_diffuse() {
     // Boards of a floor: every second one has nothing that a photon could count for.
     for (name, other) in [("mirror", mirror(0.5)), ("gloss", gloss(0.3, 0.5)), ("black", lambert(0.0))] {
-        let boards = (-6..6).fold(Builder::default(), |floor, board| {
-            let [left, right] = [board, board + 1].map(|edge| 0.25 * edge as f32);
-            let corners = [(left, -1.5), (right, -1.5), (right, 1.5), (left, 1.5)].map(|(x, y)| Vec3::new(x, y, 0.0));
-            floor.polygon(&corners, if board % 2 == 0 { lambert(0.8) } else { other.clone() })
-        });
-        assert_caustic(&format!("boards, {name}"), boards, 0.02);
+        assert_caustic(&format!("boards, {name}"), boards(0.25, &other), 0.02);
     }
+}
+
+#[test]
+fn caustics_within_pixels_that_hold_several_edges() {
+    // Pixels of 0.11 m show parts of two or three boards, each with a coverage of its own.
+    assert_caustic_of(16, "narrow boards", boards(0.1, &lambert(0.0)), 0.03);
 }
