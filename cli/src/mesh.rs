@@ -103,9 +103,7 @@ fn chosen<'a>(description: &'a Description, args: &MeshArgs) -> Result<Vec<(usiz
 
 /// Gives a mesh the coordinates that the form has, if a picture is laid on it.
 fn with_texture_coordinates(mesh: SurfaceMesh, form: &FormObject, description: &Description) -> SurfaceMesh {
-    let material = &description.materials[form.material as usize];
-    let textures = [material.diffuse_texture, material.emission_texture, material.opacity_texture];
-    if textures.iter().all(Option::is_none) {
+    if description.materials[form.material as usize].textures().next().is_none() {
         return mesh;
     }
     match &form.projection {

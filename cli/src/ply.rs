@@ -17,8 +17,9 @@ pub(crate) fn write(records: &[RecordPoint], exposure: f32, out: &mut (impl Writ
     }
     out.write_all(header.as_bytes())?;
     out.write_all(b"end_header\n")?;
+    let factor = exposure.exp2();
     for RecordPoint { kind, p, n, reach, radiance } in records {
-        let [red, green, blue] = srgb_codes(*radiance * exposure.exp2());
+        let [red, green, blue] = srgb_codes(*radiance * factor);
         let kind = u8::from(*kind == RecordKind::Irradiance);
         let (p, n, light) = (p.to_array(), n.to_array(), radiance.to_array());
         for number in p.iter().chain(&n).chain([reach]).chain(&light) {

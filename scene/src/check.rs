@@ -1,7 +1,5 @@
 //! Checks every number and index of a description once, so that nothing else has to.
 
-use std::collections::HashSet;
-
 use freeform::Bounds;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
@@ -37,21 +35,20 @@ pub(crate) fn check(description: &Description) -> Result<(), BuildError> {
     for (index, form) in description.forms.iter().enumerate() {
         check_form(index, form, description.materials.len())?;
     }
-    let ranges: Vec<_> = description.textures.iter().map(Texture::range).collect();
     for (index, material) in description.materials.iter().enumerate() {
-        check_material(index, material, &ranges)?;
+        check_material(index, material, &description.textures)?;
     }
     check_media(&description.materials)?;
-    let emission: HashSet<u32> =
-        description.materials.iter().filter_map(|material| material.emission_texture).collect();
-    let reflection: HashSet<u32> = description
-        .materials
-        .iter()
-        .flat_map(|material| material.diffuse_texture.into_iter().chain(material.opacity_texture))
-        .collect();
-    for (index, &range) in (0..).zip(&ranges) {
-        let shines = emission.contains(&index) && !reflection.contains(&index);
-        check_texture(index as usize, range, if shines { f32::MAX } else { 1.0 })?;
+    // Emission alone may be above 1.
+    let mut most = vec![1.0; description.textures.len()];
+    for texture in description.materials.iter().filter_map(|material| material.emission_texture) {
+        most[texture as usize] = f32::MAX;
+    }
+    for texture in description.materials.iter().flat_map(|m| [m.diffuse_texture, m.opacity_texture]).flatten() {
+        most[texture as usize] = 1.0;
+    }
+    for (index, (texture, &most)) in description.textures.iter().zip(&most).enumerate() {
+        check_texture(index, texture, most)?;
     }
     for (index, light) in description.lights.iter().enumerate() {
         check_light(index, light)?;
@@ -164,15 +161,13 @@ fn check_media(materials: &[Material]) -> Result<(), BuildError> {
     Ok(())
 }
 
-/// Checks a material; of each texture the least and the greatest value are known.
-fn check_material(index: usize, material: &Material, textures: &[(f32, f32)]) -> Result<(), BuildError> {
-    let used = [material.diffuse_texture, material.emission_texture, material.opacity_texture];
-    let brightest = |texture: u32| textures[texture as usize].1;
+fn check_material(index: usize, material: &Material, textures: &[Texture]) -> Result<(), BuildError> {
+    let brightest = |texture: u32| textures[texture as usize].range().1;
     let problem = if !is_share(material.diffuse) {
         Some("the diffuse colour is not in [0, 1]")
     } else if let Some(what) = material.noise.as_ref().and_then(noise_problem) {
         Some(what)
-    } else if used.into_iter().flatten().any(|texture| texture as usize >= textures.len()) {
+    } else if material.textures().any(|texture| texture as usize >= textures.len()) {
         Some("a texture does not exist")
     } else if !is_light(material.emission) {
         Some("the emission is negative or not finite")
@@ -222,7 +217,8 @@ fn specular_problem(specular: SpecularKind) -> Option<&'static str> {
     }
 }
 
-fn check_texture(index: usize, (low, high): (f32, f32), most: f32) -> Result<(), BuildError> {
+fn check_texture(index: usize, texture: &Texture, most: f32) -> Result<(), BuildError> {
+    let (low, high) = texture.range();
     if low >= 0.0 && high <= most {
         return Ok(());
     }

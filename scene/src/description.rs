@@ -150,6 +150,18 @@ impl Material {
         self.emission != Vec3::ZERO
     }
 
+    /// Returns the indices of all its textures.
+    ///
+    /// ```
+    /// use scene::Material;
+    ///
+    /// let screen = Material { emission_texture: Some(3), ..Material::default() };
+    /// assert!(screen.textures().eq([3]) && Material::default().textures().next().is_none());
+    /// ```
+    pub fn textures(&self) -> impl Iterator<Item = u32> + use<> {
+        [self.diffuse_texture, self.emission_texture, self.opacity_texture].into_iter().flatten()
+    }
+
     /// Whether there is a diffuse part: not on glass, nor where the specular part leaves nothing. Textures and noise do not matter, although they may be
     /// black in places; [`Bsdf::has_diffuse`](crate::Bsdf::has_diffuse) tells of one point.
     ///

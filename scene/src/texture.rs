@@ -13,6 +13,8 @@ pub struct Texture {
     width: u32,
     height: u32,
     texels: Texels,
+    /// See [`Texture::range`].
+    range: (f32, f32),
 }
 
 #[derive(Debug, Clone)]
@@ -34,7 +36,7 @@ impl Texture {
     pub fn from_srgb8(width: u32, height: u32, codes: Vec<[u8; 3]>) -> Self {
         check_size(width, height, codes.len());
         let linear = Box::new(std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
-        Self { width, height, texels: Texels::Coded { codes, linear } }
+        Self { width, height, texels: Texels::Coded { codes, linear }, range: (0.0, 1.0) }
     }
 
     /// Returns a texture of linear values, the first row on top.
@@ -44,7 +46,11 @@ impl Texture {
     #[must_use]
     pub fn from_linear(width: u32, height: u32, texels: Vec<Vec3>) -> Self {
         check_size(width, height, texels.len());
-        Self { width, height, texels: Texels::Linear(texels) }
+        let channels = texels.iter().flat_map(|texel| texel.to_array());
+        let range = channels.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| {
+            if x.is_nan() || low.is_nan() { (f32::NAN, f32::NAN) } else { (low.min(x), high.max(x)) }
+        });
+        Self { width, height, texels: Texels::Linear(texels), range }
     }
 
     /// Returns width and height in texels.
@@ -81,9 +87,13 @@ impl Texture {
     /// Whether no texel shines.
     #[must_use]
     pub fn is_black(&self) -> bool {
+        (0..self.width as usize * self.height as usize).all(|i| self.is_black_at(i))
+    }
+
+    fn is_black_at(&self, i: usize) -> bool {
         match &self.texels {
-            Texels::Coded { codes, .. } => codes.iter().all(|code| *code == [0; 3]),
-            Texels::Linear(texels) => texels.iter().all(|texel| *texel == Vec3::ZERO),
+            Texels::Coded { codes, .. } => codes[i] == [0; 3],
+            Texels::Linear(texels) => texels[i] == Vec3::ZERO,
         }
     }
 
@@ -102,11 +112,7 @@ impl Texture {
             return false;
         }
         let texel = |x: i64, y: i64| wrap(y, self.height) as usize * self.width as usize + wrap(x, self.width) as usize;
-        let is_black = |i: usize| match &self.texels {
-            Texels::Coded { codes, .. } => codes[i] == [0; 3],
-            Texels::Linear(texels) => texels[i] == Vec3::ZERO,
-        };
-        (low.y..=high.y).all(|y| (low.x..=high.x).all(|x| is_black(texel(x, y))))
+        (low.y..=high.y).all(|y| (low.x..=high.x).all(|x| self.is_black_at(texel(x, y))))
     }
 
     /// Returns the memory held, bytes.
@@ -118,16 +124,9 @@ impl Texture {
         }
     }
 
-    /// Returns the least and the greatest value of any channel of any texel, linear; NaN if any is.
+    /// Returns bounds of all channels of all texels, linear: of 8-bit codes those that they can have, else the least and the greatest value; NaN if any is.
     pub(crate) fn range(&self) -> (f32, f32) {
-        match &self.texels {
-            Texels::Coded { .. } => (0.0, 1.0),
-            Texels::Linear(texels) => {
-                texels.iter().flat_map(|t| t.to_array()).fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| {
-                    if x.is_nan() || low.is_nan() { (f32::NAN, f32::NAN) } else { (low.min(x), high.max(x)) }
-                })
-            }
-        }
+        self.range
     }
 
     #[inline]

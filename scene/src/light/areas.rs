@@ -8,7 +8,9 @@ use freeform::Solid;
 use glam::Vec3;
 
 use super::form::{FormLight, ball_radius};
+use super::pattern::Pattern;
 use crate::body::Body;
+use crate::projection::Projector;
 
 /// Lines by which an area is found, unless it is known: their count of exits is then good to about a hundredth. It only steers the choice of lights.
 const LINES: u32 = 4096;
@@ -20,8 +22,8 @@ const LINES_TOTAL: usize = 1 << 20;
 pub(crate) struct Areas {
     /// Lines for each area.
     lines: u32,
-    /// The solid measured last, with its area; copies of a solid come one after the other.
-    last: Option<(Arc<Solid>, f64)>,
+    /// The solid measured last, with the area of a body and how many times as large that is; copies of a solid come one after the other.
+    last: Option<(Arc<Solid>, (f64, f64))>,
     /// The same for the mean factor of its pictures.
     last_mean: Option<(Arc<Solid>, Vec3)>,
 }
@@ -41,29 +43,27 @@ impl Areas {
 
     /// Returns the area of a light, m^2.
     pub(super) fn of(&mut self, light: &FormLight) -> f64 {
-        let Some(factor) = factor(&light.body) else { return light.measured_area(self.lines) };
-        let solid = light.body.solid();
-        match &self.last {
-            Some((last, area)) if Arc::ptr_eq(last, solid) => area * (factor * factor),
-            _ => {
-                let area = light.measured_area(self.lines);
-                self.last = Some((solid.clone(), area / (factor * factor)));
-                area
-            }
-        }
+        let measure = || light.measured_area(self.lines);
+        let Some(factor) = factor(&light.body) else { return measure() };
+        let (area, of_factor) = once(&mut self.last, light.body.solid(), || (measure(), factor));
+        area * (factor / of_factor).powi(2)
     }
 
     /// Returns the mean factor of the pictures of a light. Copies of a solid have the same pictures; those that are stretched show them in about the same
     /// shares.
-    pub(super) fn mean_of(&mut self, light: &FormLight) -> Vec3 {
-        let solid = light.body.solid();
-        match &self.last_mean {
-            Some((last, mean)) if Arc::ptr_eq(last, solid) => *mean,
-            _ => {
-                let mean = light.measured_mean(self.lines);
-                self.last_mean = Some((solid.clone(), mean));
-                mean
-            }
+    pub(super) fn mean_of(&mut self, light: &FormLight, pattern: &Pattern, projector: Option<&Projector>) -> Vec3 {
+        once(&mut self.last_mean, light.body.solid(), || light.measured_mean(pattern, projector, self.lines))
+    }
+}
+
+/// Returns what was measured of the `last` solid if it is this one, else measures this one.
+fn once<T: Copy>(last: &mut Option<(Arc<Solid>, T)>, solid: &Arc<Solid>, measure: impl FnOnce() -> T) -> T {
+    match last {
+        Some((last, value)) if Arc::ptr_eq(last, solid) => *value,
+        _ => {
+            let value = measure();
+            *last = Some((solid.clone(), value));
+            value
         }
     }
 }

@@ -88,13 +88,8 @@ impl FormLight {
     /// Draws light and holes into it, where `projector` lays the pictures.
     pub(crate) fn with_pattern(self, pattern: Pattern, projector: Option<Arc<Projector>>, areas: &mut Areas) -> Self {
         let is_pierced = self.is_pierced || pattern.has_holes();
-        let pattern = FormPattern { pattern, projector, mean: Vec3::ONE };
-        let mut light = Self { is_pierced, pattern: Some(Box::new(pattern)), ..self };
-        let mean = areas.mean_of(&light);
-        if let Some(pattern) = &mut light.pattern {
-            pattern.mean = mean;
-        }
-        light
+        let mean = areas.mean_of(&self, &pattern, projector.as_deref());
+        Self { is_pierced, pattern: Some(Box::new(FormPattern { pattern, projector, mean })), ..self }
     }
 
     /// Returns the flux, W; of what is no ball right to about a hundredth, with a pattern about that.
@@ -108,14 +103,14 @@ impl FormLight {
     fn radiance_at(&self, line: &LineRay, t: f64, part: u32) -> Vec3 {
         match &self.pattern {
             None => self.radiance,
-            Some(it) => self.radiance * it.pattern.at(self.texture_coordinates(it, line, t, part)),
+            Some(it) => self.radiance * it.pattern.at(self.texture_coordinates(it.projector.as_deref(), line, t, part)),
         }
     }
 
-    fn texture_coordinates(&self, pattern: &FormPattern, line: &LineRay, t: f64, part: u32) -> Vec2 {
+    fn texture_coordinates(&self, projector: Option<&Projector>, line: &LineRay, t: f64, part: u32) -> Vec2 {
         let local = self.body.local_point(line.at(t));
         let n = self.body.solid().normal_at(part, local, self.body.local_vector(line.direction));
-        self.body.texture_coordinates(pattern.projector.as_deref(), local, n).as_vec2()
+        self.body.texture_coordinates(projector, local, n).as_vec2()
     }
 
     /// Returns a box around it.
@@ -242,14 +237,13 @@ impl FormLight {
         self.line_measure() * f64::max(exits, 0.5) / f64::from(lines) / PI
     }
 
-    /// Returns the mean factor of its pattern, by the exits of so many lines.
-    pub(super) fn measured_mean(&self, lines: u32) -> Vec3 {
-        let Some(it) = &self.pattern else { return Vec3::ONE };
+    /// Returns the mean factor of a pattern on it, by the exits of so many lines.
+    pub(super) fn measured_mean(&self, pattern: &Pattern, projector: Option<&Projector>, lines: u32) -> Vec3 {
         let mut places = Vec::new();
         for line in self.even_lines(lines) {
-            self.exits(line, |t, part| places.push(self.texture_coordinates(it, &line, t, part)));
+            self.exits(line, |t, part| places.push(self.texture_coordinates(projector, &line, t, part)));
         }
-        it.pattern.mean(places.into_iter())
+        pattern.mean(places.into_iter())
     }
 
     /// Returns lines that are spread evenly over all that pass the sphere.

@@ -7,7 +7,7 @@ use glam::{UVec2, Vec3};
 
 use super::error::{LoadError, Place, quoted};
 use super::files::Files;
-use super::mtl::{self, MtlMaterial};
+use super::mtl::{self, At, MtlMaterial};
 use super::obj::{self, Obj};
 use super::picture::{self, Pixels};
 use super::polygon::Cutter;
@@ -59,9 +59,11 @@ impl<'a> Loader<'a> {
 
     /// Makes dark what shines by a picture that is black, as exporters write it for materials that do not shine.
     fn put_out_black_pictures(&mut self) {
-        let black: Vec<bool> = self.description.textures.iter().map(Texture::is_black).collect();
-        for material in &mut self.description.materials {
-            if material.emission_texture.is_some_and(|texture| black[texture as usize]) {
+        let Description { textures, materials, .. } = &mut self.description;
+        let pictures = self.textures.iter().filter(|((_, usage), _)| *usage == Use::Emission).map(|(_, &index)| index);
+        let black: HashSet<u32> = pictures.filter(|&index| textures[index as usize].is_black()).collect();
+        for material in materials {
+            if material.emission_texture.is_some_and(|texture| black.contains(&texture)) {
                 (material.emission, material.emission_texture) = (Vec3::ZERO, None);
             }
         }
@@ -75,8 +77,7 @@ impl<'a> Loader<'a> {
         place: Place<'_>,
     ) -> Result<Loaded, LoadError> {
         self.put_out_black_pictures();
-        let shining: Vec<bool> =
-            self.description.materials.iter().map(|material| material.emission != Vec3::ZERO).collect();
+        let shining: Vec<bool> = self.description.materials.iter().map(Material::is_emissive).collect();
         let description = &mut self.description;
         let is_lit = description.environment.is_some()
             || !description.lights.is_empty()
@@ -211,24 +212,28 @@ impl<'a> Loader<'a> {
         // Glass has neither a diffuse part nor holes: a picture that nothing would show may be missing.
         let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
         if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits) {
-            let texture = self.files.resolve(mtl_path, &map.value);
-            material.diffuse_texture = Some(self.texture(&texture, Use::Color, Place::line(mtl_path, map.line))?);
+            material.diffuse_texture = Some(self.picture(mtl_path, map, Use::Color)?);
         }
-        if let Some(map) = &mtl.emission_map {
-            if material.emission == Vec3::ZERO {
-                self.warnings
-                    .add(format!("{}: map_Ke is multiplied by Ke, which is 0", Place::line(mtl_path, map.line)));
-            } else {
-                let texture = self.files.resolve(mtl_path, &map.value);
-                let place = Place::line(mtl_path, map.line);
-                material.emission_texture = Some(self.texture(&texture, Use::Emission, place)?);
+        match &mtl.emission_map {
+            Some(map) if material.is_emissive() => {
+                material.emission_texture = Some(self.picture(mtl_path, map, Use::Emission)?);
             }
+            Some(map) => {
+                let place = Place::line(mtl_path, map.line);
+                self.warnings.add(format!("{place}: map_Ke is multiplied by Ke, which is 0"));
+            }
+            None => {}
         }
         if let Some(map) = mtl.dissolve_map.as_ref().filter(|_| !transmits) {
-            let texture = self.files.resolve(mtl_path, &map.value);
-            material.opacity_texture = Some(self.texture(&texture, Use::Mask, Place::line(mtl_path, map.line))?);
+            material.opacity_texture = Some(self.picture(mtl_path, map, Use::Mask)?);
         }
         self.add_material(material, file)
+    }
+
+    /// The picture that a library names.
+    fn picture(&mut self, mtl_path: &Path, map: &At<String>, usage: Use) -> Result<u32, LoadError> {
+        let path = self.files.resolve(mtl_path, &map.value);
+        self.texture(&path, usage, Place::line(mtl_path, map.line))
     }
 
     /// Reads the libraries of the OBJ `path`, each once; of two materials of one name the last wins.

@@ -9,7 +9,7 @@ use crate::allocation::neighbours;
 use crate::metrics;
 use crate::plan::LobePlan;
 use crate::secondary::Secondary;
-use crate::statistics::RayCounts;
+use crate::statistics::{RayCounts, map_counting};
 use crate::surface_points::PixelPoints;
 
 /// What decides how many batches of samples each tile of a picture takes.
@@ -36,15 +36,12 @@ impl LobeAllocation {
             return None;
         }
         let floor_sq = metrics::floor_sq(means(pixels, ambient));
-        let of_block = |block| {
+        let of_block = |block, rays: &mut RayCounts| {
             let tiles = start(direct, width, block, size, seed, ambient, floor_sq);
-            let mut rays = RayCounts::default();
-            tiles.iter().for_each(|tile| rays += tile.rays);
-            (deviations(&tiles, width), rays)
+            tiles.iter().for_each(|tile| *rays += tile.rays);
+            deviations(&tiles, width)
         };
-        let found: Vec<_> = pixels.par_chunks((width * rows).max(1)).map(of_block).collect();
-        found.iter().for_each(|(_, of_block)| *rays += *of_block);
-        let deviations: Vec<Option<f64>> = found.into_iter().flat_map(|(deviations, _)| deviations).collect();
+        let deviations = map_counting(pixels.par_chunks((width * rows).max(1)), rays, of_block).concat();
         Some(Self::by(&deviations, pixels.len(), floor_sq, &direct.plan.lobes))
     }
 

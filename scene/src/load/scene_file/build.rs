@@ -230,7 +230,7 @@ fn form(
         Some(name) => named(name, names, source)?,
         None => loader.default_material(place)?,
     };
-    let shines = loader.description.materials[material as usize].emission != Vec3::ZERO;
+    let shines = loader.description.materials[material as usize].is_emissive();
     match solid.bounds() {
         Bounds::Unbounded if shines => {
             let advice = "bound it, or give it a material without emission";
