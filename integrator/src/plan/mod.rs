@@ -59,9 +59,14 @@ fn sample_quality(settings: &Settings) -> f32 {
     settings.spp.map_or(settings.quality, |spp| spp as f32 / 16.0)
 }
 
-/// Narrowest glossy lobe that is to be read from a texture, if its texels are fine enough.
+/// Narrowest glossy lobe that is to be read from a texture, if its texels are fine enough: none for high qualities, for the noise of traced lobes falls with the
+/// number of their rays, and a texture has 64 x 64 texels at most.
 fn wanted_texture_alpha(settings: &Settings) -> f32 {
-    settings.study.texture_alpha.unwrap_or(0.5)
+    /// From this quality on all lobes are traced.
+    const TRACED: f32 = 4.0;
+    /// No lobe is as wide.
+    const NEVER: f32 = 2.0;
+    settings.study.texture_alpha.unwrap_or(if settings.quality < TRACED { 0.5 } else { NEVER })
 }
 
 /// Mean square of the relative error of primary samples, as if they were independent. The noise of samples falls faster than their number rises, that of records

@@ -14,7 +14,7 @@ use radcache::{Index, Record, Samples, Validity};
 use rayon::prelude::*;
 use reproject::{Parts, Shares, Verdict, Workspace};
 
-use super::glossy::lobe_weights;
+use super::glossy::{lobe_weights, thin_holes};
 use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
@@ -236,6 +236,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let frame = workspace.frame();
         if takes_texture {
             self.weigh(point, &frame, workspace.resolution(), weights);
+            thin_holes(weights, workspace.masks(), workspace.resolution(), seed);
         }
         let step = hole_step.unwrap_or(self.plan.records.hole_step);
         let hole_rays = if point.shading.bsdf.has_diffuse() {
