@@ -64,9 +64,7 @@ fn sample_quality(settings: &Settings) -> f32 {
 fn wanted_texture_alpha(settings: &Settings) -> f32 {
     /// From this quality on all lobes are traced.
     const TRACED: f32 = 4.0;
-    /// No lobe is as wide.
-    const NEVER: f32 = 2.0;
-    settings.study.texture_alpha.unwrap_or(if settings.quality < TRACED { 0.5 } else { NEVER })
+    settings.study.texture_alpha.unwrap_or(if settings.quality < TRACED { 0.5 } else { f32::INFINITY })
 }
 
 /// Mean square of the relative error of primary samples, as if they were independent. The noise of samples falls faster than their number rises, that of records

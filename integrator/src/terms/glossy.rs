@@ -1,6 +1,6 @@
 //! The second term of eq. 7 for rough surfaces: indirect light reflected by the glossy lobe, from the texture that a point sees.
 
-use glam::{UVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use hemimap::Frame;
 use reproject::Masks;
 use scene::Lobes;
@@ -17,9 +17,13 @@ pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, key: u64,
     weights.clear();
     weights.resize(n * n, Vec3::ZERO);
     let side = block_side(shading.lobe_alpha(), n);
-    let pdf_of_texel = |local| (n * n) as f32 * hemimap::square_to_cosine_hemisphere_pdf(local);
     // Texels along a block from its first one on: those at the end of the square may be narrower.
     let length = |first: usize| side.min(n - first);
+    // Of all directions that are chosen, around one of this density by the lobe, in a block of so many texels.
+    let density = |local, block_texels: usize, pdf_of_lobe: f32| {
+        let blocks = (n * n) as f32 / block_texels as f32;
+        blocks * hemimap::square_to_cosine_hemisphere_pdf(local) + LOBE_SAMPLES as f32 * pdf_of_lobe
+    };
 
     let mut jitter = Rng::new(key, LOBE_STREAM);
     for y in (0..n).step_by(side) {
@@ -34,8 +38,8 @@ pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, key: u64,
                 continue;
             }
             let (f, pdf) = shading.bsdf.eval_pdf(Lobes::SPECULAR, shading.wo, wi);
-            let density = pdf_of_texel(local) + (width * height) as f32 * LOBE_SAMPLES as f32 * pdf;
-            let share = f * (wi.z / density);
+            let block_texels = width * height;
+            let share = f * (wi.z / (density(local, block_texels, pdf) * block_texels as f32));
             for row in weights[y * n..(y + height) * n].chunks_exact_mut(n) {
                 row[x..x + width].iter_mut().for_each(|weight| *weight += share);
             }
@@ -50,12 +54,11 @@ pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, key: u64,
             continue;
         }
         let local = frame.to_local(world);
-        let place = hemimap::cosine_hemisphere_to_square(local) * n as f32;
-        let texel = place.as_uvec2().min(UVec2::splat(u32::try_from(n - 1).expect("n <= 64")));
-        let [x, y] = [texel.x as usize, texel.y as usize];
+        let place = hemimap::cosine_hemisphere_to_square(local);
+        #[expect(clippy::cast_possible_truncation, reason = "n <= 64")]
+        let [x, y] = place.to_array().map(|u| hemimap::texel_index(u, n as u32) as usize);
         let block_texels = length(x - x % side) * length(y - y % side);
-        let density = pdf_of_texel(local) / block_texels as f32 + LOBE_SAMPLES as f32 * sample.pdf;
-        weights[y * n + x] += sample.weight * (sample.pdf / density);
+        weights[y * n + x] += sample.weight * (sample.pdf / density(local, block_texels, sample.pdf));
     }
 }
 
@@ -194,7 +197,6 @@ mod tests {
         const KEYS: u64 = 4000;
         let n = 40;
         let mut masks = Masks::new(n);
-        masks.reset(n);
         // The upper half is filled.
         masks.fill[n / 2..n].fill((1 << n) - 1);
         let weights: Vec<Vec3> = (0..n * n).map(|texel| Vec3::new(1.0 + (texel % 7) as f32, 1.0, 0.5)).collect();

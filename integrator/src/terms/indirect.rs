@@ -234,15 +234,13 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return Answer::Missing(tracer.rays);
         }
         let frame = workspace.frame();
-        if takes_texture {
+        let step = hole_step.unwrap_or(self.plan.records.hole_step);
+        let hole_rays = if takes_texture {
             self.weigh(point, &frame, workspace.resolution(), weights);
             thin_holes(weights, workspace.masks(), workspace.resolution(), seed);
-        }
-        let step = hole_step.unwrap_or(self.plan.records.hole_step);
-        let hole_rays = if point.shading.bsdf.has_diffuse() {
-            workspace.trace_holes(step, seed, &mut tracer)
-        } else {
             workspace.trace_holes_under(weights, step, seed, &mut tracer)
+        } else {
+            workspace.trace_holes(step, seed, &mut tracer)
         };
         let parts = if self.plan.records.tells_parts { workspace.parts(record) } else { Parts::default() };
         self.tell(point, || {
