@@ -39,7 +39,7 @@ const PROBE_BOUNCES: u32 = 3;
 /// Width of a cell as a share of the median distance of what gather rays meet.
 const WIDTH_SHARE: f32 = 0.06;
 
-/// Points that stand for a cell, and those that must see each other for it to hold one light.
+/// Points that stand for a cell, and those that must see each other for it to hold one light; the two outermost come on top.
 const MAX_POINTS: usize = 4;
 const MAX_WITNESSES: usize = 12;
 
@@ -51,6 +51,9 @@ const MAX_WALK: u32 = 64;
 /// cannot bring more light than the cell sent.
 const MAX_THROUGHPUT: f32 = 6.0;
 
+/// How far a surface may be out of what the probes met of its cell, along the normal, as a share of the width.
+const SLAB_MARGIN: f32 = 0.1;
+
 /// Hits nearer than this many widths of a cell are not looked up.
 const RESOLUTION_FACTOR: f32 = 2.0;
 
@@ -60,7 +63,47 @@ pub(crate) struct Cells {
     width: f32,
     table: Table,
     /// By the numbers of the table.
-    light: Vec<CellLight>,
+    cells: Vec<Cell>,
+}
+
+#[derive(Debug)]
+struct Cell {
+    slab: Slab,
+    light: CellLight,
+}
+
+/// The layer of space that the surface of a cell lies in. Behind it there may be another sheet of the same key, with quite other light.
+#[derive(Debug, Clone, Copy)]
+struct Slab {
+    normal: Vec3,
+    /// Of the middle along the normal, metres.
+    offset: f32,
+    /// Half of the thickness, metres.
+    reach: f32,
+}
+
+impl Slab {
+    /// Returns the slab that holds surfaces and `margin` metres beyond them, and the numbers of the lowest and the highest surface along its normal.
+    fn around<'a>(surfaces: impl Iterator<Item = &'a Surface> + Clone, margin: f32) -> (Self, [usize; 2]) {
+        let normal: Vec3 = surfaces.clone().map(|surface| surface.ng).sum::<Vec3A>().normalize_or(Vec3A::Y).into();
+        let mut range = [(f32::INFINITY, 0), (f32::NEG_INFINITY, 0)];
+        for (number, surface) in surfaces.enumerate() {
+            let height = normal.dot(surface.p.into());
+            if height < range[0].0 {
+                range[0] = (height, number);
+            }
+            if height > range[1].0 {
+                range[1] = (height, number);
+            }
+        }
+        let [(low, lowest), (high, highest)] = range;
+        (Self { normal, offset: 0.5 * (low + high), reach: 0.5 * (high - low) + margin }, [lowest, highest])
+    }
+
+    #[inline]
+    fn holds(&self, p: Vec3A) -> bool {
+        (self.normal.dot(p.into()) - self.offset).abs() <= self.reach
+    }
 }
 
 /// What cells are made from.
@@ -88,22 +131,25 @@ impl CellBuilder<'_> {
         let middle = distances.len() / 2;
         let width = WIDTH_SHARE * *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
         // A cell that something divides is left out: its mean light would be that of neither side.
-        let found: Vec<(u64, Vec<Shading>)> = sort_into_cells(&hits, width)
+        let found: Vec<Found> = sort_into_cells(&hits, width)
             .into_par_iter()
-            .filter(|(_, points)| !self.is_divided(points, width))
+            .filter(|found| !self.is_divided(&found.witnesses, width))
             .collect();
-        let table = Table::new(found.iter().map(|&(key, _)| key));
-        let mut cells = Cells { width, table, light: Vec::new() };
+        let table = Table::new(found.iter().map(|found| found.key));
+        let dark = |found: &Found| Cell { slab: found.slab, light: CellLight::default() };
+        let mut cells = Cells { width, table, cells: found.iter().map(dark).collect() };
         let ray_count = (self.ray_budget as usize / found.len().max(1)).clamp(8, 256);
         let rows: Vec<Row> = found
             .par_iter()
             .enumerate()
-            .map(|(cell, (_, points))| self.row(&cells, cell as u64, points, ray_count))
+            .map(|(cell, found)| self.row(&cells, cell as u64, &found.witnesses, ray_count))
             .collect();
         for row in &rows {
             *rays += row.rays;
         }
-        cells.light = solve(&rows);
+        for (cell, light) in cells.cells.iter_mut().zip(solve(&rows)) {
+            cell.light = light;
+        }
         cells
     }
 
@@ -216,8 +262,16 @@ impl CellBuilder<'_> {
     }
 }
 
-/// Finds the cells of hits: their keys, and the first hits in each.
-fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> Vec<(u64, Vec<Shading>)> {
+/// What is known of a cell before its light.
+struct Found {
+    key: u64,
+    /// The first hits in it, then the two that are farthest apart along its normal, if that is not nothing.
+    witnesses: Vec<Shading>,
+    slab: Slab,
+}
+
+/// Finds the cells of hits.
+fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> Vec<Found> {
     // Keys with the numbers of their hits, so that sorting is the same for any number of threads.
     let mut keys: Vec<(u64, u32, u32)> = hits
         .par_iter()
@@ -228,9 +282,18 @@ fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> Vec<(u64, Vec<S
         })
         .collect();
     keys.par_sort_unstable();
+    let hit = |&(_, probe, i): &(u64, u32, u32)| &hits[probe as usize][i as usize].0;
+    let find = |cell: &[(u64, u32, u32)]| {
+        let margin = SLAB_MARGIN * width;
+        let (slab, outermost) = Slab::around(cell.iter().map(|of_hit| &hit(of_hit).surface), margin);
+        let mut witnesses: Vec<Shading> = cell.iter().take(MAX_WITNESSES).map(hit).copied().collect();
+        if slab.reach > 2.0 * margin {
+            witnesses.extend(outermost.map(|number| *hit(&cell[number])));
+        }
+        Found { key: cell[0].0, witnesses, slab }
+    };
     let cells: Vec<&[(u64, u32, u32)]> = keys.chunk_by(|a, b| a.0 == b.0).collect();
-    let hit = |&(_, probe, i): &(u64, u32, u32)| hits[probe as usize][i as usize].0;
-    cells.into_par_iter().map(|cell| (cell[0].0, cell.iter().take(MAX_WITNESSES).map(hit).collect())).collect()
+    cells.into_par_iter().map(find).collect()
 }
 
 /// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
@@ -262,17 +325,18 @@ impl Visitor for LinkWalk<'_> {
 impl Cells {
     /// Bytes that cells take.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.light.len() * size_of::<CellLight>() + self.table.slots.len() * size_of::<u64>()
+        self.cells.len() * size_of::<Cell>() + self.table.slots.len() * size_of::<u64>()
     }
 
     /// The light of the cell of a surface; `None` where there is no cell, or one that something divides.
     pub(crate) fn look_up(&self, surface: &Surface) -> Option<Known> {
-        let CellLight { direct, indirect, .. } = self.light[self.cell_of(surface)? as usize];
+        let CellLight { direct, indirect, .. } = self.cells[self.cell_of(surface)? as usize].light;
         Some(Known { direct: Some(direct), indirect, resolution: RESOLUTION_FACTOR * self.width })
     }
 
     fn cell_of(&self, surface: &Surface) -> Option<u32> {
-        self.table.find(key(surface, self.width))
+        let cell = self.table.find(key(surface, self.width))?;
+        self.cells[cell as usize].slab.holds(surface.p).then_some(cell)
     }
 }
 
@@ -303,7 +367,7 @@ impl Secondary for CellSource<'_> {
         let cell = self.cells.cell_of(surface);
         cell.map_or_else(
             || self.photons.quick_caustic_irradiance(surface),
-            |cell| self.cells.light[cell as usize].caustic,
+            |cell| self.cells.cells[cell as usize].light.caustic,
         )
     }
 }

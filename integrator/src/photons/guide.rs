@@ -13,6 +13,9 @@
 //! which for a share q of useful photons is sqrt(q). A small part of a useful pilot is added to each cell: so a cell that few pilots tried is tried again.
 //! A share of all photons goes everywhere alike, so no density is 0 and every estimate stays unbiased.
 //!
+//! A lamp may have a thousandth of the flux of the sky and all of the caustics. So the lights are parts of the cube from the start (groups of weak ones, where there are
+//! many), and the first pilots are dealt half by flux, half evenly to these.
+//!
 //! The photons of a cell follow each other, as many as their share is but for rounding, and their numbers are a low-discrepancy set of their own: were cells
 //! chosen at random, what lands in one place would be as uneven as unrelated numbers are.
 //!
@@ -33,7 +36,9 @@ const BINS: usize = 8;
 /// Chi-squared with BINS - 1 = 7 degrees exceeds this once in 1,000: less is noise, and to split it would only add more.
 const UNEVEN: f64 = 24.3;
 /// A cell is split while it holds the worth of so many pilots of equal score.
-const MIN_PILOTS: f64 = 16.0;
+const MIN_PILOTS: f64 = 8.0;
+/// Lights of less than this share of the choice are put together in groups, each of no more than this share of the lights.
+const GROUP_SHARE: f64 = 1.0 / 64.0;
 /// The part of a useful pilot that is added to each cell.
 const PRIOR: f64 = 1.0 / 256.0;
 /// Keeps the numbers by which photons are dealt apart from those by which they go on, and the one that all have in common from those.
@@ -54,7 +59,7 @@ pub(super) struct Pilot {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Cell {
+pub(super) struct Cell {
     min: [f32; DIMENSIONS],
     size: [f32; DIMENSIONS],
     /// Density of the numbers in it; 1 is uniform.
@@ -80,31 +85,75 @@ pub(super) struct Aim<'a> {
 
 const WHOLE: Cell = Cell { min: [0.0; DIMENSIONS], size: [1.0; DIMENSIONS], density: 1.0 };
 
+/// The parts of the cube that make photons of one light, or of a group of weak ones, from the ends of the lights' shares of the choice.
+pub(super) fn parts(choice_ends: &[f64]) -> Vec<Cell> {
+    let most = (choice_ends.len() as f64 * GROUP_SHARE).ceil();
+    let (mut parts, mut in_group, mut start) = (Vec::new(), 0.0, 0.0);
+    let mut close = |end: f64| {
+        let (min, size) = (single(start), single(end) - single(start));
+        // Shares that f32 cannot tell from nothing are left to the next part.
+        if size > 0.0 {
+            let mut part = WHOLE;
+            (part.min[0], part.size[0], start) = (min, size, end);
+            parts.push(part);
+        }
+    };
+    let mut before = 0.0;
+    for &end in choice_ends {
+        let is_strong = end - before >= GROUP_SHARE;
+        if is_strong {
+            close(before);
+        }
+        in_group = if is_strong { most } else { in_group + 1.0 };
+        if in_group >= most {
+            close(end);
+            in_group = 0.0;
+        }
+        before = end;
+    }
+    close(1.0);
+    parts
+}
+
 impl Guide {
-    /// Returns the uniform density.
-    pub(super) fn uniform() -> Self {
-        Self { cells: vec![WHOLE], cumulative: vec![1.0] }
+    /// Returns the density with which a half is dealt evenly to the parts, the other half everywhere alike.
+    pub(super) fn even(parts: &[Cell]) -> Self {
+        let share = 0.5 / parts.len() as f32;
+        Self::new(parts.iter().map(|part| Cell { density: 0.5 + share / part.size[0], ..*part }).collect())
     }
 
-    /// Learns a density from pilots, the useless ones included; it is uniform where none was of use.
-    pub(super) fn learn(pilots: &mut [Pilot]) -> Self {
+    /// Learns a density from pilots, the useless ones included; it is that of [`Guide::even`] where none was of use.
+    pub(super) fn learn(parts: &[Cell], pilots: &mut [Pilot]) -> Self {
         let useful: f64 =
             pilots.iter().filter(|pilot| pilot.score > 0.0).map(|pilot| 1.0 / f64::from(pilot.density)).sum();
         let mean_sq = pilots.iter().map(Pilot::square).sum::<f64>() / useful;
         if !(mean_sq > 0.0 && mean_sq.is_finite()) {
-            return Self::uniform();
+            return Self::even(parts);
         }
-        let mut guide = Self { cells: Vec::new(), cumulative: Vec::new() };
         let learning = Learning { count: pilots.len() as f64, mean_sq };
-        guide.divide(pilots, WHOLE, &learning, 0);
-        let total: f64 = guide.cells.iter().map(|cell| f64::from(cell.density) * volume(cell)).sum();
-        let mut sum = 0.0;
-        for cell in &mut guide.cells {
-            cell.density = DEFENSIVE_SHARE + (1.0 - DEFENSIVE_SHARE) * single(f64::from(cell.density) / total);
-            sum += f64::from(cell.density) * volume(cell);
-            guide.cumulative.push(sum);
+        let (mut cells, mut rest) = (Vec::new(), pilots);
+        for part in parts {
+            let end = part.min[0] + part.size[0];
+            rest.sort_by_key(|pilot| pilot.u[0] >= end);
+            let (within, behind) = rest.split_at_mut(rest.partition_point(|pilot| pilot.u[0] < end));
+            divide(within, *part, &learning, 0, &mut cells);
+            rest = behind;
         }
-        guide
+        let total: f64 = cells.iter().map(|cell| f64::from(cell.density) * volume(cell)).sum();
+        for cell in &mut cells {
+            cell.density = DEFENSIVE_SHARE + (1.0 - DEFENSIVE_SHARE) * single(f64::from(cell.density) / total);
+        }
+        Self::new(cells)
+    }
+
+    fn new(cells: Vec<Cell>) -> Self {
+        let mut sum = 0.0;
+        let add = |cell: &Cell| {
+            sum += f64::from(cell.density) * volume(cell);
+            sum
+        };
+        let cumulative = cells.iter().map(add).collect();
+        Self { cells, cumulative }
     }
 
     /// Deals `count` photons to the cells; another seed gives other numbers.
@@ -121,28 +170,28 @@ impl Guide {
         }
         Aim { guide: self, ends, seed, jitter_seed }
     }
+}
 
-    /// Splits a cell until its pilots are spread evenly or are too few to tell. The density is not yet scaled.
-    fn divide(&mut self, pilots: &mut [Pilot], cell: Cell, learning: &Learning, depth: u32) {
-        if depth < MAX_DEPTH
-            && let Some(axis) = most_uneven(pilots, &cell)
-        {
-            let half = 0.5 * cell.size[axis];
-            let middle = cell.min[axis] + half;
-            pilots.sort_by_key(|pilot| pilot.u[axis] >= middle);
-            let (low, high) = pilots.split_at_mut(pilots.partition_point(|pilot| pilot.u[axis] < middle));
-            let mut child = cell;
-            child.size[axis] = half;
-            self.divide(low, child, learning, depth + 1);
-            child.min[axis] = middle;
-            self.divide(high, child, learning, depth + 1);
-        } else {
-            let of_cell = 1.0 / (volume(&cell) * learning.count);
-            let found = pilots.iter().map(Pilot::square).sum::<f64>() * of_cell;
-            // It stands for as much as the others of this cell do.
-            let prior = PRIOR * learning.mean_sq / (pilots.len() as f64 + PRIOR);
-            self.cells.push(Cell { density: single((found + prior).sqrt()), ..cell });
-        }
+/// Splits a cell until its pilots are spread evenly or are too few to tell. The density is not yet scaled.
+fn divide(pilots: &mut [Pilot], cell: Cell, learning: &Learning, depth: u32, cells: &mut Vec<Cell>) {
+    if depth < MAX_DEPTH
+        && let Some(axis) = most_uneven(pilots, &cell)
+    {
+        let half = 0.5 * cell.size[axis];
+        let middle = cell.min[axis] + half;
+        pilots.sort_by_key(|pilot| pilot.u[axis] >= middle);
+        let (low, high) = pilots.split_at_mut(pilots.partition_point(|pilot| pilot.u[axis] < middle));
+        let mut child = cell;
+        child.size[axis] = half;
+        divide(low, child, learning, depth + 1, cells);
+        child.min[axis] = middle;
+        divide(high, child, learning, depth + 1, cells);
+    } else {
+        let of_cell = 1.0 / (volume(&cell) * learning.count);
+        let found = pilots.iter().map(Pilot::square).sum::<f64>() * of_cell;
+        // It stands for as much as the others of this cell do.
+        let prior = PRIOR * learning.mean_sq / (pilots.len() as f64 + PRIOR);
+        cells.push(Cell { density: single((found + prior).sqrt()), ..cell });
     }
 }
 
@@ -229,7 +278,7 @@ mod tests {
 
     /// Learns in three rounds, as photons are aimed.
     fn learned(count: u32, useful: impl Fn(&[f32; DIMENSIONS]) -> bool) -> Guide {
-        (0..3).fold(Guide::uniform(), |guide, _| Guide::learn(&mut pilots(&guide, count, &useful)))
+        (0..3).fold(Guide::even(&[WHOLE]), |guide, _| Guide::learn(&[WHOLE], &mut pilots(&guide, count, &useful)))
     }
 
     /// Returns the share of useful samples, and the mean of 1 / density over all and over the useful ones.
@@ -274,10 +323,10 @@ mod tests {
 
     #[test]
     fn even_pilots_leave_it_uniform() {
-        let guide = Guide::learn(&mut pilots(&Guide::uniform(), 50_000, |_| true));
+        let guide = Guide::learn(&[WHOLE], &mut pilots(&Guide::even(&[WHOLE]), 50_000, |_| true));
         assert_eq!(guide.cells.len(), 1, "no spread to learn");
         assert_eq!(
-            Guide::learn(&mut pilots(&Guide::uniform(), 50_000, |_| false)).cells.len(),
+            Guide::learn(&[WHOLE], &mut pilots(&Guide::even(&[WHOLE]), 50_000, |_| false)).cells.len(),
             1,
             "nothing useful at all"
         );
@@ -302,5 +351,37 @@ mod tests {
         let (share, _, useful_volume) = statistics(&guide, useful);
         assert!(share > 0.15, "share {share}");
         assert!((useful_volume / 0.000_3 - 1.0).abs() < 0.03, "unbiased: {useful_volume}");
+    }
+
+    #[test]
+    fn strong_lights_are_parts_and_weak_ones_are_grouped() {
+        let ends = |parts: &[Cell]| -> Vec<f32> { parts.iter().map(|part| part.min[0] + part.size[0]).collect() };
+        assert_eq!(ends(&parts(&[1.0])), [1.0], "one");
+        assert_eq!(ends(&parts(&[0.001, 0.001, 1.0])), [0.001, 1.0], "a weak one, one without flux and a strong one");
+        assert_eq!(ends(&parts(&[0.999, 1.0])), [0.999, 1.0], "few weak ones are by themselves");
+        let equal: Vec<f64> = (1..=6400).map(|i| f64::from(i) / 12_800.0).chain([1.0]).collect();
+        let found = parts(&equal);
+        assert!((64..=66).contains(&found.len()), "{} parts", found.len());
+        assert_eq!((found.last().unwrap().min[0], found.last().unwrap().size[0]), (0.5, 0.5), "the strong one");
+        let whole: f32 = found.iter().map(|part| part.size[0]).sum();
+        assert!((whole - 1.0).abs() < 1e-5, "they fill the cube: {whole}");
+    }
+
+    #[test]
+    fn a_weak_lamp_under_a_strong_sky_is_found() {
+        // The lamp has 0.4 % of the flux and sends 1 % of that to the glass, the sky 3 of 100,000.
+        let useful = |u: &[f32; DIMENSIONS]| {
+            if u[0] < 0.004 {
+                u[3] < 0.1 && u[4] < 0.1
+            } else {
+                (u[1] - 0.5).abs() < 0.003 && (u[2] - 0.5).abs() < 0.0025
+            }
+        };
+        let parts = parts(&[0.004, 1.0]);
+        let guide =
+            (0..3).fold(Guide::even(&parts), |guide, _| Guide::learn(&parts, &mut pilots(&guide, 1 << 19, useful)));
+        let (share, _, useful_volume) = statistics(&guide, useful);
+        assert!(share > 0.01, "share {share}");
+        assert!((useful_volume / 7e-5 - 1.0).abs() < 0.05, "unbiased: {useful_volume}");
     }
 }

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use scene::{Lobes, Ray, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
-use super::guide::{Aim, DIMENSIONS, Guide, Pilot};
+use super::guide::{Aim, DIMENSIONS, Guide, Pilot, parts};
 use crate::{Rng, hash_pair};
 
 /// Photons of one task.
@@ -156,7 +156,8 @@ pub(super) fn shoot(scene: &Scene, kind: Kind, guide: &Guide, count: u32, seed: 
 /// Learns in a few rounds where to aim, each aimed by the one before; returns the rays that it took too.
 pub(super) fn learn(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
     let mut rays = 0;
-    let mut guide = Guide::uniform();
+    let parts = parts(scene.lights().choice_ends());
+    let mut guide = Guide::even(&parts);
     if scene.lights().is_empty() {
         return (guide, rays);
     }
@@ -176,7 +177,7 @@ pub(super) fn learn(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
         if useful(&pilots) == 0 {
             break;
         }
-        guide = Guide::learn(&mut pilots);
+        guide = Guide::learn(&parts, &mut pilots);
     }
     (guide, rays)
 }

@@ -25,6 +25,11 @@ impl Choice {
         self.sums.is_empty()
     }
 
+    /// Returns the probability of each and all before it.
+    pub(super) fn ends(&self) -> &[f64] {
+        &self.sums
+    }
+
     /// Returns the one that `u` in [0, 1) chooses, and its probability.
     #[inline]
     pub(super) fn sample(&self, u: f32) -> Option<(usize, f32)> {

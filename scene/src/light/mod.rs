@@ -286,6 +286,22 @@ impl Lights {
         }
     }
 
+    /// Returns, for each light in turn, below which `u_choice` [`Lights::emit`] chooses it or one before it; the last is 1. None where nothing shines.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use scene::{Description, PunctualLight, Scene};
+    ///
+    /// let lamp = |watts| PunctualLight::Point { position: Vec3::ZERO, intensity: Vec3::splat(watts) };
+    /// let scene = Scene::new(Description { lights: vec![lamp(1.0), lamp(3.0)], ..Description::default() })?;
+    /// assert_eq!(scene.lights().choice_ends(), [0.25, 1.0]);
+    /// # Ok::<(), scene::BuildError>(())
+    /// ```
+    #[must_use]
+    pub fn choice_ends(&self) -> &[f64] {
+        self.choice.ends()
+    }
+
     /// Chooses a light and a photon from it; `None` counts as a photon without flux.
     #[inline]
     #[must_use]

@@ -160,3 +160,39 @@ fn window_gives_lamberts_irradiance() {
         }
     }
 }
+
+#[test]
+fn light_of_one_sheet_is_not_taken_for_that_of_the_next() {
+    // Two sheets with a gap that is narrower than cells of light are; the left side of the first is lit, that of the second is deep in the gap.
+    const GAP: f32 = 0.1;
+    let sheet = |x: f32| [(-0.5, 0.0), (-0.5, 1.0), (0.5, 1.0), (0.5, 0.0)].map(|(y, z)| Vec3::new(x, y, z));
+    let wall = |x: f32| [(-3.0, 0.0), (3.0, 0.0), (3.0, 3.0), (-3.0, 3.0)].map(|(y, z)| Vec3::new(x, y, z));
+    let back = [(-2.0, 0.0), (2.0, 0.0), (2.0, 3.0), (-2.0, 3.0)].map(|(x, z)| Vec3::new(x, 3.0, z));
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 3.0, lambert(0.5))
+        .polygon(&wall(-2.0), lambert(0.6))
+        .polygon(&wall(2.0), lambert(0.6))
+        .polygon(&back, lambert(0.6))
+        .polygon(&sheet(0.0), lambert(0.8))
+        .polygon(&sheet(GAP), lambert(0.8))
+        .point_light(Vec3::new(-1.5, 0.0, 2.0), 10.0)
+        .view(Vec3::new(-0.15, -3.5, 0.8), Vec3::new(0.05, 0.0, 0.6), 40.0)
+        .build();
+    let within = |p: &DVec3| (p.x - f64::from(GAP)).abs() < 1e-3 && p.y > -0.3 && (0.1..0.9).contains(&p.z);
+    let mean = |method| {
+        let effort = Effort { side: 96, path_spp: 128, spp: 16, seeds: 4, quality: 1.0 };
+        let pictures = Pictures::new(&scene, method, &effort);
+        let films = pictures.films.iter().flat_map(Film::picture);
+        let seen = films.zip(pictures.points.iter().cycle()).filter(|(_, p)| p.is_some_and(|p| within(&p)));
+        let seen: Vec<f64> = seen.map(|(l, _)| f64::from(l.x)).collect();
+        assert!(seen.len() >= 80, "the gap is seen: {}", seen.len());
+        seen.iter().sum::<f64>() / seen.len() as f64
+    };
+    let reference = mean(Method::Path);
+    // `gather` looks from one place of each pixel, in which light falls by a half here.
+    for method in [Method::Reproject, Method::CacheOnly] {
+        let ratio = mean(method) / reference;
+        print(&format!("in the gap, {}: {ratio:.4}", method.name()));
+        assert!((ratio - 1.0).abs() < 0.04, "{}: {ratio}", method.name());
+    }
+}
