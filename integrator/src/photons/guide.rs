@@ -35,8 +35,10 @@ const DEFENSIVE_SHARE: f32 = 0.1;
 const BINS: usize = 8;
 /// Chi-squared with BINS - 1 = 7 degrees exceeds this once in 1,000: less is noise, and to split it would only add more.
 const UNEVEN: f64 = 24.3;
-/// A cell is split while it holds the worth of so many pilots of equal score.
-const MIN_PILOTS: f64 = 8.0;
+/// A cell is split while it holds the worth of so many pilots of equal score; of half as many where fewer than `FEW` in all were of use, for a rare way to glass
+/// is to be found at all before it is sampled well.
+const MIN_PILOTS: f64 = 16.0;
+const FEW: usize = 1024;
 /// Lights of less than this share of the choice are put together in groups, each of no more than this share of the lights.
 const GROUP_SHARE: f64 = 1.0 / 64.0;
 /// The part of a useful pilot that is added to each cell.
@@ -124,17 +126,18 @@ impl Guide {
 
     /// Learns a density from pilots, the useless ones included; it is that of [`Guide::even`] where none was of use.
     pub(super) fn learn(parts: &[Cell], pilots: &mut [Pilot]) -> Self {
-        let useful: f64 =
-            pilots.iter().filter(|pilot| pilot.score > 0.0).map(|pilot| 1.0 / f64::from(pilot.density)).sum();
-        let mean_sq = pilots.iter().map(Pilot::square).sum::<f64>() / useful;
+        let useful = || pilots.iter().filter(|pilot| pilot.score > 0.0);
+        let useful_volume: f64 = useful().map(|pilot| 1.0 / f64::from(pilot.density)).sum();
+        let mean_sq = useful().map(Pilot::square).sum::<f64>() / useful_volume;
+        let min_pilots = if useful().count() < FEW { 0.5 * MIN_PILOTS } else { MIN_PILOTS };
         if !(mean_sq > 0.0 && mean_sq.is_finite()) {
             return Self::even(parts);
         }
-        let learning = Learning { count: pilots.len() as f64, mean_sq };
+        let learning = Learning { count: pilots.len() as f64, mean_sq, min_pilots };
+        pilots.sort_by(|a, b| a.u[0].total_cmp(&b.u[0]));
         let (mut cells, mut rest) = (Vec::new(), pilots);
         for part in parts {
             let end = part.min[0] + part.size[0];
-            rest.sort_by_key(|pilot| pilot.u[0] >= end);
             let (within, behind) = rest.split_at_mut(rest.partition_point(|pilot| pilot.u[0] < end));
             divide(within, *part, &learning, 0, &mut cells);
             rest = behind;
@@ -175,7 +178,7 @@ impl Guide {
 /// Splits a cell until its pilots are spread evenly or are too few to tell. The density is not yet scaled.
 fn divide(pilots: &mut [Pilot], cell: Cell, learning: &Learning, depth: u32, cells: &mut Vec<Cell>) {
     if depth < MAX_DEPTH
-        && let Some(axis) = most_uneven(pilots, &cell)
+        && let Some(axis) = most_uneven(pilots, &cell, learning.min_pilots)
     {
         let half = 0.5 * cell.size[axis];
         let middle = cell.min[axis] + half;
@@ -220,6 +223,8 @@ struct Learning {
     count: f64,
     /// Mean of f^2 over the useful pilots.
     mean_sq: f64,
+    /// The worth of pilots that a cell needs to be split.
+    min_pilots: f64,
 }
 
 impl Pilot {
@@ -230,10 +235,10 @@ impl Pilot {
 }
 
 /// Returns the axis along which the scores are spread most unevenly; `None` where all might be noise.
-fn most_uneven(pilots: &[Pilot], cell: &Cell) -> Option<usize> {
+fn most_uneven(pilots: &[Pilot], cell: &Cell, min_pilots: f64) -> Option<usize> {
     let sum: f64 = pilots.iter().map(|pilot| pilot.score).sum();
     let sum_sq: f64 = pilots.iter().map(|pilot| pilot.score * pilot.score).sum();
-    if sum_sq == 0.0 || sum * sum < MIN_PILOTS * sum_sq {
+    if sum_sq == 0.0 || sum * sum < min_pilots * sum_sq {
         return None;
     }
     let even = sum / BINS as f64;
