@@ -35,8 +35,8 @@ const DEFENSIVE_SHARE: f32 = 0.1;
 const BINS: usize = 8;
 /// Chi-squared with BINS - 1 = 7 degrees exceeds this once in 1,000: less is noise, and to split it would only add more.
 const UNEVEN: f64 = 24.3;
-/// A cell is split while it holds the worth of so many pilots of equal score; of half as many where fewer than `FEW` in all were of use, for a rare way to glass
-/// is to be found at all before it is sampled well.
+/// A cell is split while it holds the worth of so many pilots of equal score; of half as many in a part where fewer than `FEW` were of use, for a rare way to
+/// glass is to be found at all before it is sampled well.
 const MIN_PILOTS: f64 = 16.0;
 const FEW: usize = 1024;
 /// Lights of less than this share of the choice are put together in groups, each of no more than this share of the lights.
@@ -129,17 +129,18 @@ impl Guide {
         let useful = || pilots.iter().filter(|pilot| pilot.score > 0.0);
         let useful_volume: f64 = useful().map(|pilot| 1.0 / f64::from(pilot.density)).sum();
         let mean_sq = useful().map(Pilot::square).sum::<f64>() / useful_volume;
-        let min_pilots = if useful().count() < FEW { 0.5 * MIN_PILOTS } else { MIN_PILOTS };
         if !(mean_sq > 0.0 && mean_sq.is_finite()) {
             return Self::even(parts);
         }
-        let learning = Learning { count: pilots.len() as f64, mean_sq, min_pilots };
+        let learning = Learning { count: pilots.len() as f64, mean_sq, min_pilots: MIN_PILOTS };
         pilots.sort_by(|a, b| a.u[0].total_cmp(&b.u[0]));
         let (mut cells, mut rest) = (Vec::new(), pilots);
         for part in parts {
             let end = part.min[0] + part.size[0];
             let (within, behind) = rest.split_at_mut(rest.partition_point(|pilot| pilot.u[0] < end));
-            divide(within, *part, &learning, 0, &mut cells);
+            let is_rare = within.iter().filter(|pilot| pilot.score > 0.0).count() < FEW;
+            let min_pilots = if is_rare { 0.5 * MIN_PILOTS } else { MIN_PILOTS };
+            divide(within, *part, &Learning { min_pilots, ..learning }, 0, &mut cells);
             rest = behind;
         }
         let total: f64 = cells.iter().map(|cell| f64::from(cell.density) * volume(cell)).sum();
@@ -217,7 +218,8 @@ impl Aim<'_> {
     }
 }
 
-/// What all cells of a guide have in common while it learns.
+/// What the cells of a part have in common while the guide learns.
+#[derive(Clone, Copy)]
 struct Learning {
     /// Number of pilots.
     count: f64,
