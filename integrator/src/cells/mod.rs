@@ -265,7 +265,7 @@ impl CellBuilder<'_> {
 /// What is known of a cell before its light.
 struct Found {
     key: u64,
-    /// The first hits in it, then the two that are farthest apart along its normal, if that is not nothing.
+    /// The first hits in it, then the two that are farthest apart along its normal where that is more than two margins of its slab.
     witnesses: Vec<Shading>,
     slab: Slab,
 }
@@ -328,7 +328,7 @@ impl Cells {
         self.cells.len() * size_of::<Cell>() + self.table.slots.len() * size_of::<u64>()
     }
 
-    /// The light of the cell of a surface; `None` where there is no cell, or one that something divides.
+    /// The light of the cell of a surface; `None` where there is no cell, one that something divides, or one of another sheet.
     pub(crate) fn look_up(&self, surface: &Surface) -> Option<Known> {
         let CellLight { direct, indirect, .. } = self.cells[self.cell_of(surface)? as usize].light;
         Some(Known { direct: Some(direct), indirect, resolution: RESOLUTION_FACTOR * self.width })

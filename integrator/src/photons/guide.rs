@@ -126,21 +126,19 @@ impl Guide {
 
     /// Learns a density from pilots, the useless ones included; it is that of [`Guide::even`] where none was of use.
     pub(super) fn learn(parts: &[Cell], pilots: &mut [Pilot]) -> Self {
-        let useful = || pilots.iter().filter(|pilot| pilot.score > 0.0);
-        let useful_volume: f64 = useful().map(|pilot| 1.0 / f64::from(pilot.density)).sum();
-        let mean_sq = useful().map(Pilot::square).sum::<f64>() / useful_volume;
+        let useful_volume: f64 = useful(pilots).map(|pilot| 1.0 / f64::from(pilot.density)).sum();
+        let mean_sq = useful(pilots).map(Pilot::square).sum::<f64>() / useful_volume;
         if !(mean_sq > 0.0 && mean_sq.is_finite()) {
             return Self::even(parts);
         }
-        let learning = Learning { count: pilots.len() as f64, mean_sq, min_pilots: MIN_PILOTS };
+        let count = pilots.len() as f64;
         pilots.sort_by(|a, b| a.u[0].total_cmp(&b.u[0]));
         let (mut cells, mut rest) = (Vec::new(), pilots);
         for part in parts {
             let end = part.min[0] + part.size[0];
             let (within, behind) = rest.split_at_mut(rest.partition_point(|pilot| pilot.u[0] < end));
-            let is_rare = within.iter().filter(|pilot| pilot.score > 0.0).count() < FEW;
-            let min_pilots = if is_rare { 0.5 * MIN_PILOTS } else { MIN_PILOTS };
-            divide(within, *part, &Learning { min_pilots, ..learning }, 0, &mut cells);
+            let min_pilots = if useful(within).count() < FEW { 0.5 * MIN_PILOTS } else { MIN_PILOTS };
+            divide(within, *part, &Learning { count, mean_sq, min_pilots }, 0, &mut cells);
             rest = behind;
         }
         let total: f64 = cells.iter().map(|cell| f64::from(cell.density) * volume(cell)).sum();
@@ -174,6 +172,11 @@ impl Guide {
         }
         Aim { guide: self, ends, seed, jitter_seed }
     }
+}
+
+/// Returns the pilots that were of use.
+pub(super) fn useful(pilots: &[Pilot]) -> impl Iterator<Item = &Pilot> {
+    pilots.iter().filter(|pilot| pilot.score > 0.0)
 }
 
 /// Splits a cell until its pilots are spread evenly or are too few to tell. The density is not yet scaled.
@@ -219,7 +222,6 @@ impl Aim<'_> {
 }
 
 /// What the cells of a part have in common while the guide learns.
-#[derive(Clone, Copy)]
 struct Learning {
     /// Number of pilots.
     count: f64,

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use scene::{Lobes, Ray, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
-use super::guide::{Aim, DIMENSIONS, Guide, Pilot, parts};
+use super::guide::{Aim, DIMENSIONS, Guide, Pilot, parts, useful};
 use crate::{Rng, hash_pair};
 
 /// Photons of one task.
@@ -170,21 +170,16 @@ pub(super) fn learn(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
                 pilots.extend(found);
                 rays += traced;
             }
-            if useful(&pilots) >= ENOUGH_USEFUL {
+            if useful(&pilots).count() >= ENOUGH_USEFUL {
                 break;
             }
         }
-        if useful(&pilots) == 0 {
+        if useful(&pilots).next().is_none() {
             break;
         }
         guide = Guide::learn(&parts, &mut pilots);
     }
     (guide, rays)
-}
-
-/// Returns the number of pilots that were of use.
-fn useful(pilots: &[Pilot]) -> usize {
-    pilots.iter().filter(|pilot| pilot.score > 0.0).count()
 }
 
 /// Shoots pilots; returns them and the number of rays.
