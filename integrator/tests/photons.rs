@@ -197,6 +197,30 @@ fn caustic_photons_are_aimed_at_small_glass() {
 }
 
 #[test]
+fn mirrors_in_a_wide_landscape_are_met() {
+    // Two mirrors of 20 cm, far apart, that stand at (0, y, 0.5) on 4 km of floor, each 10^-9 of what the sun sees of it. It comes from 45 degrees and goes
+    // on with 0.8 of its light to x = 0.4 to 0.6 on the floor.
+    let apart = Vec3::Y * 400.0;
+    let scene = Builder::default()
+        .square(Vec3::ZERO, Vec3::Z, 2000.0, lambert(0.5))
+        .square(Vec3::Z * 0.5, Vec3::X, 0.1, mirror(0.8))
+        .square(Vec3::Z * 0.5 + apart, Vec3::X, 0.1, mirror(0.8))
+        .directional_light(Vec3::new(-1.0, 0.0, -1.0), 1.0)
+        .build();
+    let maps = PhotonMaps::shoot(&scene, &settings(100_000));
+    let counts = maps.caustic_counts;
+    let share = counts.useful as f64 / counts.shot as f64;
+    assert!(share > 0.5, "share of use {share}");
+    assert_balanced(&counts.balance, counts.shot, "caustic photons");
+    for centre in [Vec3A::X * 0.5, Vec3A::X * 0.5 + Vec3A::from(apart)] {
+        let places = (0..100).map(|i| Vec3A::new(0.01 * (i % 10) as f32 - 0.045, 0.01 * (i / 10) as f32 - 0.045, 0.0));
+        let mean = places.map(|p| maps.caustic_irradiance(&scene, centre + p, Vec3A::Z).x / 100.0).sum::<f32>();
+        // Photons are stratified; the disc's noise is some 2 %.
+        assert!((mean / (0.8 * 0.5f32.sqrt()) - 1.0).abs() < 0.05, "{mean} at {centre}");
+    }
+}
+
+#[test]
 fn no_photons_gives_zero_and_not_nan() {
     let scene = Builder::default()
         .cube_room(&black())

@@ -162,6 +162,20 @@ impl Material {
         [self.diffuse_texture, self.emission_texture, self.opacity_texture].into_iter().flatten()
     }
 
+    /// Whether light goes on in single directions: on mirrors and glass.
+    ///
+    /// ```
+    /// use scene::{Material, SpecularKind, glam::Vec3};
+    ///
+    /// let silver = SpecularKind::Mirror { reflectance: Vec3::ONE };
+    /// assert!(Material { specular: silver, ..Material::default() }.has_delta());
+    /// assert!(!Material::default().has_delta());
+    /// ```
+    #[must_use]
+    pub fn has_delta(&self) -> bool {
+        matches!(self.specular, SpecularKind::Mirror { .. } | SpecularKind::Dielectric { .. })
+    }
+
     /// Whether there is a diffuse part: not on glass, nor where the specular part leaves nothing. Textures and noise do not matter, although they may be
     /// black in places; [`Bsdf::has_diffuse`](crate::Bsdf::has_diffuse) tells of one point.
     ///

@@ -56,8 +56,7 @@ impl Features {
                 features.widest_metal =
                     if is_diffuse { features.widest_metal } else { features.widest_metal.max(alpha) };
             }
-            features.delta |=
-                matches!(material.specular, SpecularKind::Mirror { .. } | SpecularKind::Dielectric { .. });
+            features.delta |= material.has_delta();
             if let SpecularKind::Dielectric { absorption, .. } = material.specular {
                 features.transmissive = true;
                 features.absorbing |= absorption != Vec3::ZERO;

@@ -19,6 +19,7 @@ mod material;
 mod media;
 mod mix;
 mod noise;
+mod primitives;
 mod projection;
 mod ray;
 mod scene;
@@ -35,7 +36,7 @@ pub use error::BuildError;
 pub use features::Features;
 pub use freeform;
 pub use glam;
-pub use light::{Emission, LightDirection, LightSample, Lights, SeenLights};
+pub use light::{Emission, LightDirection, LightSample, Lights, SeenLights, Target};
 pub use load::{
     FileSettings, LoadError, LoadOptions, Loaded, Picture, PictureFormat, Problem, limits, load, load_embedded,
     read_file,

@@ -5,18 +5,17 @@ use std::time::Instant;
 
 use freeform::Solid;
 use glam::{UVec2, Vec2, Vec3, Vec3A};
-use rayon::prelude::*;
 
-use crate::bvh::{Bvh, Primitive};
+use crate::bvh::Bvh;
 use crate::check;
 use crate::form::Form;
 use crate::holes::{behind, ray_hash};
-use crate::light::{Areas, FormLight, Pattern, TriangleLight};
 use crate::media::MediumTable;
+use crate::primitives::{boxes, form_lights, primitives, triangle_lights};
 use crate::triangles::Triangles;
 use crate::{
     Aabb, Bsdf, BuildError, Camera, Description, Features, Hit, Lights, Material, Media, Ray, Specular, SpecularKind,
-    Surface, Texture,
+    Surface, Target, Texture,
 };
 
 /// A scene, checked and ready: geometry in a tree, materials, lights and camera. It never changes, so threads share it freely.
@@ -334,6 +333,40 @@ impl Scene {
         &self.lights
     }
 
+    /// Returns spheres around all surfaces of the materials that are wanted, for photons of lights at infinity to be sent there and nowhere else; around the
+    /// whole scene where one of these surfaces has no bounds.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use glam::{Vec2, Vec3};
+    /// use scene::{Description, Environment, Material, Mesh, Scene, SpecularKind};
+    ///
+    /// let triangle = |size: f32, height: f32, material| Mesh {
+    ///     positions: vec![Vec3::new(0.0, 0.0, height), Vec3::new(size, 0.0, height), Vec3::new(0.0, size, height)],
+    ///     triangles: vec![[0, 1, 2]],
+    ///     materials: vec![material],
+    ///     ..Mesh::default()
+    /// };
+    /// let silver = SpecularKind::Mirror { reflectance: Vec3::ONE };
+    /// let scene = Scene::new(Description {
+    ///     meshes: vec![triangle(100.0, 0.0, 0), triangle(0.1, 1.0, 1)],
+    ///     materials: vec![Material::default(), Material { specular: silver, ..Material::default() }],
+    ///     environment: Some(Environment::constant(Vec3::ONE)),
+    ///     ..Description::default()
+    /// })?;
+    /// let mirrors = scene.target(Material::has_delta);
+    /// let photon = scene.lights().emit_to(&mirrors, 0.5, Vec2::splat(0.3), Vec2::splat(0.7)).expect("the sky shines");
+    /// let (offset, way) = (photon.ray.origin - Vec3::Z.to_vec3a(), photon.ray.direction);
+    /// assert!((offset - way * offset.dot(way)).length() < 0.2, "it passes the small triangle");
+    /// # Ok::<(), scene::BuildError>(())
+    /// ```
+    #[must_use]
+    pub fn target(&self, is_wanted: impl Fn(&Material) -> bool) -> Target {
+        let boxes = boxes(&self.triangles, &self.forms, &self.materials, is_wanted);
+        boxes.map_or_else(|| self.lights.everything().clone(), |boxes| self.lights.everything().narrowed(boxes))
+    }
+
     /// Returns the camera.
     #[must_use]
     pub fn camera(&self) -> &Camera {
@@ -430,64 +463,4 @@ impl Scene {
         let mask = material.opacity_texture.map_or(1.0, |texture| self.textures[texture as usize].mask(uv));
         ray_hash(ray, hit.primitive, place) < material.opacity * mask
     }
-}
-
-/// Returns the geometry in the order of its numbering.
-fn primitives(triangles: &Triangles, forms: &[Form], materials: &[Material]) -> Vec<Primitive> {
-    let triangle = |i: usize| {
-        if triangles.area_normal(i).length_squared() > 0.0 {
-            let cut_out = materials[triangles.material(i) as usize].is_cut_out();
-            Primitive::Triangle { corners: triangles.corners(i), cut_out }
-        } else {
-            Primitive::Nothing
-        }
-    };
-    let form = |form: &Form| form.bounds.map_or(Primitive::Nothing, Primitive::Form);
-    (0..triangles.len()).map(triangle).chain(forms.iter().map(form)).collect()
-}
-
-/// Returns the triangles that shine.
-fn triangle_lights(triangles: &Triangles, materials: &[Material], textures: &[Arc<Texture>]) -> Vec<TriangleLight> {
-    let light = |primitive: u32| {
-        let i = primitive as usize;
-        let material = &materials[triangles.material(i) as usize];
-        if !material.is_emissive() {
-            return None;
-        }
-        let light = TriangleLight::new(triangles.corners(i), material.emission * material.opacity, primitive)?;
-        match Pattern::new(material, textures) {
-            Some(pattern) => {
-                let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|barycentrics| triangles.uv(i, barycentrics));
-                light.with_pattern(pattern, uvs)
-            }
-            None => Some(light),
-        }
-    };
-    let count = u32::try_from(triangles.len()).expect("primitives are limited to less than 2^32");
-    (0..count).into_par_iter().filter_map(light).collect()
-}
-
-/// Returns the free forms that shine; those without bounds are left to chance.
-fn form_lights(
-    triangles: &Triangles,
-    forms: &[Form],
-    materials: &[Material],
-    textures: &[Arc<Texture>],
-) -> Vec<FormLight> {
-    let first = triangles.len();
-    let shines = |form: &Form| materials[form.material as usize].is_emissive();
-    let mut areas = Areas::new(forms.iter().filter(|form| shines(form)).map(|form| &form.body));
-    let light = |(primitive, form): (usize, &Form)| {
-        if !(shines(form) && form.bounds.is_some()) {
-            return None;
-        }
-        let material = &materials[form.material as usize];
-        let primitive = u32::try_from(primitive).expect("primitives are limited to less than 2^32");
-        let light = FormLight::new(&form.body, material.emission, material.opacity, primitive, &mut areas)?;
-        Some(match Pattern::new(material, textures) {
-            Some(pattern) => light.with_pattern(pattern, form.projector.clone(), &mut areas),
-            None => light,
-        })
-    };
-    (first..).zip(forms).filter_map(light).collect()
 }

@@ -22,11 +22,10 @@ use serde::{Deserialize, Serialize};
 use crate::{Known, RayCounts, Secondary, hash_pair};
 use caustic::CausticMap;
 use coverage::{Kernel, covered_share};
-use guide::Guide;
 pub use map::Irradiance;
 use map::{IrradianceMap, PhotonMap};
 pub use shoot::FluxBalance;
-use shoot::{Kind, Photons, learn, shoot};
+use shoot::{Kind, Photons, Shooter};
 
 /// Irradiance of the global map is estimated beforehand at one photon of so many.
 const PRECOMPUTED_SHARE: usize = 4;
@@ -130,8 +129,8 @@ fn count(number: u64) -> u32 {
 pub struct PhotonMaps {
     global: Option<IrradianceMap>,
     caustic: Option<CausticMap>,
-    /// Where the photons of the caustic map were aimed.
-    caustic_guide: Option<Guide>,
+    /// How the photons of the caustic map were aimed.
+    caustic_shooter: Option<Shooter>,
     /// Counts of the global map; all 0 where it was not made.
     pub global_counts: PhotonCounts,
     /// Counts of the caustic map; all 0 where it was not made.
@@ -149,8 +148,8 @@ impl PhotonMaps {
         if settings.global && features.diffuse && settings.count > 0 {
             let start = Instant::now();
             let seed = hash_pair(settings.seed, 1);
-            let guide = maps.learn(scene, Kind::Global, seed);
-            let (photons, counts) = maps.shoot_kind(scene, Kind::Global, &guide, settings.count, seed);
+            let shooter = maps.learn(scene, Kind::Global, seed);
+            let (photons, counts) = maps.shoot_by(&shooter, scene, settings.count, seed);
             maps.global_counts = counts;
             let map = PhotonMap::new(photons, settings.neighbours, settings.max_radius);
             maps.global = map.and_then(|map| maps.precompute(scene, &map, settings.seed));
@@ -164,7 +163,7 @@ impl PhotonMaps {
         Self {
             global: None,
             caustic: None,
-            caustic_guide: None,
+            caustic_shooter: None,
             global_counts: PhotonCounts::default(),
             caustic_counts: PhotonCounts::default(),
             rays: RayCounts::default(),
@@ -248,9 +247,9 @@ impl PhotonMaps {
     /// Shoots photons from number `from` to number `to`.
     fn shoot_caustics(&mut self, scene: &Scene, settings: &PhotonSettings, from: u64, to: u32) -> Shots {
         let seed = hash_pair(settings.seed, 2);
-        let guide = self.caustic_guide.take().unwrap_or_else(|| self.learn(scene, Kind::Caustic, seed));
-        let shots = self.shoot_kind(scene, Kind::Caustic, &guide, to - count(from), hash_pair(seed, from));
-        self.caustic_guide = Some(guide);
+        let shooter = self.caustic_shooter.take().unwrap_or_else(|| self.learn(scene, Kind::Caustic, seed));
+        let shots = self.shoot_by(&shooter, scene, to - count(from), hash_pair(seed, from));
+        self.caustic_shooter = Some(shooter);
         shots
     }
 
@@ -317,15 +316,15 @@ impl PhotonMaps {
             + self.caustic.as_ref().map_or(0, CausticMap::memory_bytes)
     }
 
-    fn learn(&mut self, scene: &Scene, kind: Kind, seed: u64) -> Guide {
-        let (guide, rays) = learn(scene, kind, seed);
+    fn learn(&mut self, scene: &Scene, kind: Kind, seed: u64) -> Shooter {
+        let (shooter, rays) = Shooter::learn(scene, kind, seed);
         self.rays.photon += rays;
-        guide
+        shooter
     }
 
     /// Shoots photons; the counts lack the time.
-    fn shoot_kind(&mut self, scene: &Scene, kind: Kind, guide: &Guide, count: u32, seed: u64) -> Shots {
-        let shot = shoot(scene, kind, guide, count, seed);
+    fn shoot_by(&mut self, shooter: &Shooter, scene: &Scene, count: u32, seed: u64) -> Shots {
+        let shot = shooter.shoot(scene, count, seed);
         self.rays.photon += shot.rays;
         let counts = PhotonCounts {
             shot: if scene.lights().is_empty() { 0 } else { u64::from(count) },

@@ -17,7 +17,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Lobes, Ray, Scene, Surface};
+use scene::{Lobes, Material, Ray, Scene, Surface, Target};
 use serde::{Deserialize, Serialize};
 
 use super::guide::{Aim, DIMENSIONS, Guide, Pilot, parts, useful};
@@ -86,7 +86,7 @@ impl Photons {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FluxBalance {
-    /// Sent out by the lights.
+    /// Sent out by the lights; for caustics those at infinity count with what they send to spheres around mirrors and glass.
     pub emitted: DVec3,
     /// Lost at surfaces and in glass.
     pub absorbed: DVec3,
@@ -126,73 +126,99 @@ pub(super) struct Shot {
     pub(super) rays: u64,
 }
 
-/// Shoots `count` photons, aimed by the guide; none where the scene has no light that could shoot.
-pub(super) fn shoot(scene: &Scene, kind: Kind, guide: &Guide, count: u32, seed: u64) -> Shot {
-    if scene.lights().is_empty() || count == 0 {
-        return Shot::default();
-    }
-    let aim = guide.aim(count, seed);
-    let scale = 1.0 / count as f32;
-    let shots = blocks(count, |indices| {
-        let mut shot = Shot::default();
-        for index in indices {
-            if let Some(Start { ray, flux, .. }) = emit(scene, &aim, index, scale) {
-                let kept = shot.follow(scene, kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
-                shot.useful += u64::from(kept > 0);
-            }
-        }
-        shot
-    });
-    let mut all = Shot::default();
-    for mut shot in shots {
-        all.photons.append(&mut shot.photons);
-        all.balance.add(&shot.balance);
-        all.useful += shot.useful;
-        all.rays += shot.rays;
-    }
-    all
+/// How photons of one kind are aimed.
+#[derive(Debug)]
+pub(super) struct Shooter {
+    kind: Kind,
+    /// Where lights at infinity send them: a glass on a wide floor is met by none of a million that go everywhere.
+    target: Target,
+    guide: Guide,
 }
 
-/// Learns in a few rounds where to aim, each aimed by the one before; returns the rays that it took too.
-pub(super) fn learn(scene: &Scene, kind: Kind, seed: u64) -> (Guide, u64) {
-    let mut rays = 0;
-    let parts = parts(scene.lights().choice_ends());
-    let mut guide = Guide::even(&parts);
-    if scene.lights().is_empty() {
-        return (guide, rays);
-    }
-    for round in 1..=ROUNDS {
-        let mut pilots = Vec::new();
-        for repeat in 0..MAX_REPEATS {
-            let stream = hash_pair(seed, hash_pair(round, repeat));
-            let aim = guide.aim(PILOTS, stream);
-            for (found, traced) in blocks(PILOTS, |indices| pilot_block(scene, kind, &aim, stream, indices)) {
-                pilots.extend(found);
-                rays += traced;
+impl Shooter {
+    /// Learns in a few rounds where to aim, each aimed by the one before; returns the rays that it took too.
+    pub(super) fn learn(scene: &Scene, kind: Kind, seed: u64) -> (Self, u64) {
+        let parts = parts(scene.lights().choice_ends());
+        let target = match kind {
+            Kind::Global => scene.lights().everything().clone(),
+            // Nothing else can be met first.
+            Kind::Caustic => scene.target(Material::has_delta),
+        };
+        let mut shooter = Self { kind, target, guide: Guide::even(&parts) };
+        let mut rays = 0;
+        if scene.lights().is_empty() {
+            return (shooter, rays);
+        }
+        for round in 1..=ROUNDS {
+            let mut pilots = Vec::new();
+            for repeat in 0..MAX_REPEATS {
+                let stream = hash_pair(seed, hash_pair(round, repeat));
+                let aim = shooter.guide.aim(PILOTS, stream);
+                for (found, traced) in blocks(PILOTS, |indices| shooter.pilots(scene, &aim, stream, indices)) {
+                    pilots.extend(found);
+                    rays += traced;
+                }
+                if useful(&pilots).count() >= ENOUGH_USEFUL {
+                    break;
+                }
             }
-            if useful(&pilots).count() >= ENOUGH_USEFUL {
+            if useful(&pilots).next().is_none() {
                 break;
             }
+            shooter.guide = Guide::learn(&parts, &mut pilots);
         }
-        if useful(&pilots).next().is_none() {
-            break;
-        }
-        guide = Guide::learn(&parts, &mut pilots);
+        (shooter, rays)
     }
-    (guide, rays)
-}
 
-/// Shoots pilots; returns them and the number of rays.
-fn pilot_block(scene: &Scene, kind: Kind, aim: &Aim<'_>, seed: u64, indices: Range<u32>) -> (Vec<Pilot>, u64) {
-    let mut shot = Shot::default();
-    let mut pilots = Vec::new();
-    for index in indices {
-        if let Some(Start { u, density, ray, flux }) = emit(scene, aim, index, 1.0) {
-            let kept = shot.follow(scene, kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
-            pilots.push(Pilot { u, density, score: f64::from(flux.max_element()) * f64::from(kept) });
+    /// Shoots pilots; returns them and the number of rays.
+    fn pilots(&self, scene: &Scene, aim: &Aim<'_>, seed: u64, indices: Range<u32>) -> (Vec<Pilot>, u64) {
+        let mut shot = Shot::default();
+        let mut pilots = Vec::new();
+        for index in indices {
+            if let Some(Start { u, density, ray, flux }) = self.start(scene, aim, index, 1.0) {
+                let kept = shot.follow(scene, self.kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
+                pilots.push(Pilot { u, density, score: f64::from(flux.max_element()) * f64::from(kept) });
+            }
         }
+        (pilots, shot.rays)
     }
-    (pilots, shot.rays)
+
+    /// Shoots `count` photons; none where the scene has no light that could shoot.
+    pub(super) fn shoot(&self, scene: &Scene, count: u32, seed: u64) -> Shot {
+        if scene.lights().is_empty() || count == 0 {
+            return Shot::default();
+        }
+        let aim = self.guide.aim(count, seed);
+        let scale = 1.0 / count as f32;
+        let shots = blocks(count, |indices| {
+            let mut shot = Shot::default();
+            for index in indices {
+                if let Some(Start { ray, flux, .. }) = self.start(scene, &aim, index, scale) {
+                    let kept = shot.follow(scene, self.kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
+                    shot.useful += u64::from(kept > 0);
+                }
+            }
+            shot
+        });
+        let mut all = Shot::default();
+        for mut shot in shots {
+            all.photons.append(&mut shot.photons);
+            all.balance.add(&shot.balance);
+            all.useful += shot.useful;
+            all.rays += shot.rays;
+        }
+        all
+    }
+
+    /// Starts photon number `index`, its flux times `scale`.
+    fn start(&self, scene: &Scene, aim: &Aim<'_>, index: u32, scale: f32) -> Option<Start> {
+        let (u, density) = aim.numbers(index);
+        let [choice, x, y, z, w] = u;
+        let emission = scene.lights().emit_to(&self.target, choice, Vec2::new(x, y), Vec2::new(z, w))?;
+        let flux = emission.flux * (scale / density);
+        let ray = Ray { media: scene.media_at(emission.ray.origin), ..emission.ray };
+        (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray, flux })
+    }
 }
 
 /// Runs `work` over blocks of photons in parallel and returns the results in the order of the blocks.
@@ -211,16 +237,6 @@ struct Start {
     density: f32,
     ray: Ray,
     flux: Vec3,
-}
-
-/// Starts photon number `index`, its flux times `scale`.
-fn emit(scene: &Scene, aim: &Aim<'_>, index: u32, scale: f32) -> Option<Start> {
-    let (u, density) = aim.numbers(index);
-    let [choice, x, y, z, w] = u;
-    let emission = scene.lights().emit(choice, Vec2::new(x, y), Vec2::new(z, w))?;
-    let flux = emission.flux * (scale / density);
-    let ray = Ray { media: scene.media_at(emission.ray.origin), ..emission.ray };
-    (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray, flux })
 }
 
 impl Shot {

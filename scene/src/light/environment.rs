@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere, narrow};
+use super::{Emission, LightSample, Target, narrow};
 use crate::Environment;
 use crate::environment::direction_to_uv;
 
@@ -97,9 +97,9 @@ impl EnvironmentLight {
         self.environment.radiance(direction)
     }
 
-    /// Returns the flux that enters the sphere around the scene, W.
-    pub(super) fn flux(&self, surroundings: &Sphere) -> Vec3 {
-        self.integral * surroundings.cross_section()
+    /// Returns the flux to the target, W.
+    pub(super) fn flux(&self, target: &Target) -> Vec3 {
+        self.integral * target.cross_section()
     }
 
     /// Returns the direction that a pair of numbers chooses.
@@ -140,10 +140,9 @@ impl EnvironmentLight {
         share / self.bands[row].cell_solid_angle
     }
 
-    pub(super) fn emit(&self, surroundings: &Sphere, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+    pub(super) fn emit(&self, target: &Target, u_exit: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let sample = self.sample_at(self.direction(u_direction), 1.0)?;
-        let flux = sample.radiance * (surroundings.cross_section() / sample.pdf);
-        Some(Emission { ray: surroundings.ray(-sample.wi, u_position), flux })
+        target.emission(-sample.wi, sample.radiance / sample.pdf, u_exit, u_position)
     }
 
     /// Returns the memory held, bytes.

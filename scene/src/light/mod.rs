@@ -14,6 +14,7 @@ mod rectangle;
 mod region;
 mod seen;
 mod spherical_rectangle;
+mod target;
 mod tree;
 mod triangle;
 
@@ -28,6 +29,8 @@ pub(crate) use form::FormLight;
 pub(crate) use pattern::Pattern;
 use rectangle::RectangleLight;
 pub use seen::{LightDirection, SeenLights};
+use target::Sphere;
+pub use target::Target;
 use tree::{Emitter, LightTree};
 pub(crate) use triangle::TriangleLight;
 
@@ -48,7 +51,8 @@ pub struct Lights {
     /// Number of lights that are not at infinity: the first ones.
     near_count: usize,
     total_flux: Vec3,
-    surroundings: Sphere,
+    /// The whole scene: lights at infinity shine on its cross-section.
+    everything: Target,
     /// Around all of them, where none is at infinity.
     extent: Option<Sphere>,
 }
@@ -114,13 +118,6 @@ pub struct Emission {
 /// are better chosen evenly.
 const LEAST_IN_TREE: usize = 32;
 
-/// The sphere around all bounded things: lights at infinity shine on its cross-section.
-#[derive(Debug, Clone, Copy)]
-struct Sphere {
-    centre: Vec3A,
-    radius: f32,
-}
-
 impl Lights {
     /// Makes the lights of a scene; triangles and forms are in the order of their primitives.
     pub(crate) fn new(
@@ -130,8 +127,6 @@ impl Lights {
         environment: Option<Environment>,
         bounds: Aabb,
     ) -> Self {
-        let radius = bounds.radius();
-        let surroundings = Sphere { centre: bounds.centre().into(), radius: if radius > 0.0 { radius } else { 1.0 } };
         let (rectangles, triangles) = join_rectangles(triangles);
         let is_point = |light: &PunctualLight| matches!(light, PunctualLight::Point { .. });
         let (points, others): (Vec<_>, Vec<_>) = punctual.into_iter().map(punctual::normalised).partition(is_point);
@@ -146,7 +141,7 @@ impl Lights {
             tree: None,
             near_count,
             total_flux: Vec3::ZERO,
-            surroundings,
+            everything: Target::around(bounds),
             extent: None,
         };
         let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
@@ -163,7 +158,7 @@ impl Lights {
 
     /// Sets what follows from the fluxes.
     fn weigh(&mut self) {
-        let fluxes: Vec<Vec3> = (0..self.count()).map(|index| self.light(index).flux(&self.surroundings)).collect();
+        let fluxes: Vec<Vec3> = (0..self.count()).map(|index| self.light(index).flux(&self.everything)).collect();
         self.choice = Choice::new(fluxes.iter().map(|flux| flux.as_dvec3().element_sum()));
         self.total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
     }
@@ -307,13 +302,22 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn emit(&self, u_choice: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+        self.emit_to(&self.everything, u_choice, u_position, u_direction)
+    }
+
+    /// As [`Self::emit`], but lights at infinity send photons to a target only: for what meets that first, the mean over photons is the same.
+    /// The probabilities of the lights are those of [`Self::choice_ends`] all the same. [`Scene::target`](crate::Scene::target) has an example.
+    #[inline]
+    #[must_use]
+    pub fn emit_to(&self, target: &Target, u_choice: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (index, probability) = self.choice.sample(u_choice)?;
+        let rest = || self.choice.rest(u_choice, index);
         let mut emission = match self.light(index) {
             Light::Rectangle(light) => light.emit(u_position, u_direction),
             Light::Triangle(light) => light.emit(u_position, u_direction),
-            Light::Form(light) => light.emit(self.choice.rest(u_choice, index), u_position, u_direction)?,
-            Light::Punctual(light) => punctual::emit(light, &self.surroundings, u_position, u_direction),
-            Light::Environment(light) => light.emit(&self.surroundings, u_position, u_direction)?,
+            Light::Form(light) => light.emit(rest(), u_position, u_direction)?,
+            Light::Punctual(light) => punctual::emit(light, target, rest(), u_position, u_direction)?,
+            Light::Environment(light) => light.emit(target, rest(), u_position, u_direction)?,
         };
         emission.flux /= probability;
         Some(emission)
@@ -367,6 +371,12 @@ impl Lights {
         self.near_count - self.rectangles.len() - self.triangles.len() - self.forms.len()
     }
 
+    /// Returns the whole scene as a target of [`Self::emit_to`]: that of [`Self::emit`].
+    #[must_use]
+    pub fn everything(&self) -> &Target {
+        &self.everything
+    }
+
     /// Returns the radiance of the surroundings.
     #[inline]
     pub(crate) fn background(&self, direction: Vec3A) -> Vec3 {
@@ -398,13 +408,13 @@ impl Lights {
 }
 
 impl Light<'_> {
-    fn flux(&self, surroundings: &Sphere) -> Vec3 {
+    fn flux(&self, target: &Target) -> Vec3 {
         match self {
             Self::Rectangle(light) => light.flux(),
             Self::Triangle(light) => light.flux(),
             Self::Form(light) => light.flux(),
-            Self::Punctual(light) => punctual::flux(light, surroundings),
-            Self::Environment(light) => light.flux(surroundings),
+            Self::Punctual(light) => punctual::flux(light, target),
+            Self::Environment(light) => light.flux(target),
         }
     }
 
@@ -440,19 +450,4 @@ fn join_rectangles(triangles: Vec<TriangleLight>) -> (Vec<RectangleLight>, Vec<T
         }
     }
     (rectangles, single)
-}
-
-impl Sphere {
-    /// Returns the area of the cross-section.
-    fn cross_section(&self) -> f32 {
-        std::f32::consts::PI * self.radius * self.radius
-    }
-
-    /// Returns a ray that comes from infinity along `direction` and through a point of the cross-section.
-    fn ray(&self, direction: Vec3A, u: Vec2) -> Ray {
-        let frame = hemimap::Frame::from_normal(-direction);
-        let disk = hemimap::square_to_disk(u) * self.radius;
-        // Twice the radius away: the sphere's front, and a little that rounding cannot use up.
-        Ray::new(self.centre + frame.s * disk.x + frame.t * disk.y - direction * (2.0 * self.radius), direction)
-    }
 }

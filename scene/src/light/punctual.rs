@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Sphere, is_over_horizon};
+use super::{Emission, LightSample, Target, is_over_horizon};
 use crate::{PunctualLight, Ray};
 
 /// Returns the light with a unit direction.
@@ -17,11 +17,11 @@ pub(super) fn normalised(light: PunctualLight) -> PunctualLight {
     }
 }
 
-/// Returns the flux, W; of a directional light that through the sphere around the scene.
-pub(super) fn flux(light: &PunctualLight, surroundings: &Sphere) -> Vec3 {
+/// Returns the flux, W; of a directional light that to the target.
+pub(super) fn flux(light: &PunctualLight, target: &Target) -> Vec3 {
     match *light {
         PunctualLight::Point { intensity, .. } => intensity * (4.0 * PI),
-        PunctualLight::Directional { irradiance, .. } => irradiance * surroundings.cross_section(),
+        PunctualLight::Directional { irradiance, .. } => irradiance * target.cross_section(),
     }
 }
 
@@ -51,12 +51,22 @@ pub(super) fn sample(light: &PunctualLight, p: Vec3A, n: Vec3A, probability: f32
 }
 
 #[inline]
-pub(super) fn emit(light: &PunctualLight, surroundings: &Sphere, u_position: Vec2, u_direction: Vec2) -> Emission {
-    let ray = match *light {
-        PunctualLight::Point { position, .. } => Ray::new(position.into(), uniform_direction(u_direction)),
-        PunctualLight::Directional { direction, .. } => surroundings.ray(direction.into(), u_position),
-    };
-    Emission { ray, flux: flux(light, surroundings) }
+pub(super) fn emit(
+    light: &PunctualLight,
+    target: &Target,
+    u_exit: f32,
+    u_position: Vec2,
+    u_direction: Vec2,
+) -> Option<Emission> {
+    match *light {
+        PunctualLight::Point { position, .. } => {
+            let ray = Ray::new(position.into(), uniform_direction(u_direction));
+            Some(Emission { ray, flux: flux(light, target) })
+        }
+        PunctualLight::Directional { direction, irradiance } => {
+            target.emission(direction.into(), irradiance, u_exit, u_position)
+        }
+    }
 }
 
 /// Returns a direction that is uniform over the sphere.
