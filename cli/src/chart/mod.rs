@@ -126,9 +126,12 @@ impl ChartArgs {
         let mut loaded: Vec<(&Path, Subject)> = Vec::new();
         for path in &self.scenes {
             let name = scene_name(path);
-            if loaded.iter().any(|(_, other)| other.name == name) {
+            // Their charts and references are files.
+            if let Some((_, other)) = loaded.iter().find(|(_, other)| file_name(&other.name) == file_name(&name)) {
                 let path = path.display();
-                return Err(Failure::Input(format!("{path}: a second scene of the name {name}; rename it")));
+                let what =
+                    format!("{path}: a second scene of the name {name}, or of one written alike, {}", other.name);
+                return Err(Failure::Input(format!("{what}; rename it")));
             }
             loaded.push((path, Subject::load(path, name)?));
         }

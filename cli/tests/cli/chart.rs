@@ -176,8 +176,12 @@ fn wrong_charts_are_refused_in_one_line() {
         freelux_words(folder.path(), words).expect_refused(2, named);
         assert_eq!(names(folder.path()), ["bad.csv", "one"], "`{words}` leaves nothing behind");
     }
+    // Both charts would be room-1.svg.
+    scene(folder.path(), "room.1");
+    scene(folder.path(), "room-1");
     for (words, named) in [
         ("chart none.toml --out a", "none.toml"),
+        ("chart room.1/scene.toml room-1/scene.toml --out a --size 4x4", "rename it"),
         (
             "chart one/scene.toml one/scene.toml --out a --size 4x4 --qualities 0.004 --methods path --reference-spp 16",
             "rename it",
