@@ -84,7 +84,8 @@ impl EnvironmentLight {
         if of_roots <= 0.0 {
             return None;
         }
-        let scale = narrow(integral.element_sum() / of_roots);
+        // A third for each channel, as all three get it.
+        let scale = narrow(integral.element_sum() / of_roots / 3.0);
         for pixel in &mut important.pixels {
             *pixel += scale * pixel.element_sum().sqrt();
         }
