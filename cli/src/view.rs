@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{UVec2, Vec3};
 use integrator::{Method, Settings};
-use scene::freeform::Bounds;
-use scene::{Aabb, Camera, Description, FileSettings, LoadOptions, Loaded, Mesh};
+use scene::{Camera, Description, FileSettings, LoadOptions, Loaded};
 
 use crate::args;
 use crate::failure::Failure;
@@ -122,7 +121,7 @@ impl ViewArgs {
         if self.eye.is_none() && self.at.is_none() && self.up.is_none() && self.fov.is_none() {
             return Ok(description.camera);
         }
-        let mut camera = description.camera.unwrap_or_else(|| Camera::framing(bounds(description)));
+        let mut camera = description.camera.unwrap_or_else(|| Camera::framing(description.bounds()));
         camera.eye = self.eye.unwrap_or(camera.eye);
         camera.at = self.at.unwrap_or(camera.at);
         camera.up = self.up.unwrap_or(camera.up);
@@ -175,18 +174,4 @@ fn check_view(eye: Vec3, at: Vec3, up: Option<Vec3>) -> Result<(), Failure> {
         }
         _ => Ok(()),
     }
-}
-
-/// The box around all that is finite in a scene.
-fn bounds(description: &Description) -> Aabb {
-    let corners = |mesh: &Mesh| {
-        let points = mesh.triangles.iter().flatten().filter_map(|&index| mesh.positions.get(index as usize).copied());
-        Aabb::of_points(&points.collect::<Vec<_>>())
-    };
-    let meshes = description.meshes.iter().map(corners);
-    let forms = description.forms.iter().filter_map(|form| match form.solid.bounds() {
-        Bounds::Finite { min, max } => Some(Aabb { min: min.as_vec3(), max: max.as_vec3() }),
-        Bounds::Unbounded => None,
-    });
-    meshes.chain(forms).fold(Aabb::EMPTY, Aabb::union)
 }

@@ -23,6 +23,9 @@ pub(crate) const DEFAULT_FOV: f32 = 40.0;
 /// Below this sine between up and the view the sides of the picture would be rounding errors.
 const LEAST_SINE: f32 = 1e-5;
 
+/// Radii below it have no square in single precision.
+const LEAST_RADIUS: f32 = 1e-15;
+
 impl Camera {
     /// Returns the unit vector of the view; `None` where `eye` and `at` are the same point.
     pub(crate) fn forward(&self) -> Option<Vec3> {
@@ -38,7 +41,9 @@ impl Camera {
     #[must_use]
     pub fn framing(bounds: Aabb) -> Self {
         let centre = bounds.centre();
-        let radius = bounds.radius().max(f32::MIN_POSITIVE);
+        // A view needs some distance, more than rounding takes from it far from the origin, also where there is nothing or a point.
+        let least = if bounds.radius() > 0.0 { LEAST_RADIUS } else { 1.0 };
+        let radius = bounds.radius().max(least).max(1e-5 * centre.abs().max_element());
         let distance = radius / (0.5 * DEFAULT_FOV.to_radians()).sin();
         let towards = Vec3::new(0.35, 0.3, 1.0).normalize();
         Self { eye: centre + towards * distance, at: centre, up: Vec3::Y, fov_y_degrees: DEFAULT_FOV }

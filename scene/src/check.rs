@@ -44,7 +44,9 @@ pub(crate) fn check(description: &Description) -> Result<(), BuildError> {
     for texture in description.materials.iter().filter_map(|material| material.emission_texture) {
         most[texture as usize] = f32::MAX;
     }
-    for texture in description.materials.iter().flat_map(|m| [m.diffuse_texture, m.opacity_texture]).flatten() {
+    for texture in
+        description.materials.iter().flat_map(|m| [m.diffuse_texture, m.specular_texture, m.opacity_texture]).flatten()
+    {
         most[texture as usize] = 1.0;
     }
     for (index, (texture, &most)) in description.textures.iter().zip(&most).enumerate() {

@@ -5,7 +5,8 @@
 use freeform::Solid;
 use glam::{DAffine3, Vec2, Vec3};
 
-use crate::{Camera, Environment, Noise, Projection, Texture};
+use crate::form::Form;
+use crate::{Aabb, Camera, Environment, Noise, Projection, Texture};
 
 /// A whole scene as data: indices in `meshes` and `forms` point into `materials`, those in `materials` into `textures`.
 #[derive(Debug, Clone, Default)]
@@ -24,6 +25,30 @@ pub struct Description {
     pub environment: Option<Environment>,
     /// The camera; the whole scene is framed where there is none.
     pub camera: Option<Camera>,
+}
+
+impl Description {
+    /// Returns the box around all that has an end; empty where nothing has.
+    ///
+    /// ```
+    /// use scene::{Description, Mesh, glam::Vec3};
+    ///
+    /// let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], materials: vec![0], ..Mesh::default() };
+    /// let bounds = Description { meshes: vec![mesh], ..Description::default() }.bounds();
+    /// assert_eq!((bounds.min, bounds.max), (Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0)));
+    /// assert!(Description::default().bounds().is_empty());
+    /// ```
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        let corner = |mesh: &Mesh, index: u32| mesh.positions.get(index as usize).map(|&p| Aabb { min: p, max: p });
+        let meshes = self
+            .meshes
+            .iter()
+            .flat_map(|mesh| mesh.triangles.iter().flatten().filter_map(|&index| corner(mesh, index)));
+        let forms = self.forms.iter().flat_map(|form| Form::all(form.clone(), false)).filter_map(|form| form.bounds);
+        meshes.chain(forms).fold(Aabb::EMPTY, Aabb::union)
+    }
 }
 
 /// Marks a corner of a [`Mesh`] without a normal or without texture coordinates.
@@ -79,6 +104,8 @@ pub struct Material {
     pub noise: Option<Noise>,
     /// The specular part.
     pub specular: SpecularKind,
+    /// Index of a texture for the reflectance of gloss and mirrors.
+    pub specular_texture: Option<u32>,
     /// Radiance that the front gives off, W m^-2 sr^-1; multiplied by `emission_texture`.
     pub emission: Vec3,
     /// Index of a texture for `emission`; its values may be above 1.
@@ -159,7 +186,7 @@ impl Material {
     /// assert!(screen.textures().eq([3]) && Material::default().textures().next().is_none());
     /// ```
     pub fn textures(&self) -> impl Iterator<Item = u32> + use<> {
-        [self.diffuse_texture, self.emission_texture, self.opacity_texture].into_iter().flatten()
+        [self.diffuse_texture, self.specular_texture, self.emission_texture, self.opacity_texture].into_iter().flatten()
     }
 
     /// Whether light goes on in single directions: on mirrors and glass.
@@ -191,6 +218,9 @@ impl Material {
     pub fn is_diffuse(&self) -> bool {
         match self.specular {
             SpecularKind::None => self.diffuse != Vec3::ZERO,
+            SpecularKind::Ggx { .. } | SpecularKind::Mirror { .. } if self.specular_texture.is_some() => {
+                self.diffuse != Vec3::ZERO
+            }
             SpecularKind::Ggx { reflectance, .. } | SpecularKind::Mirror { reflectance } => {
                 self.diffuse * (Vec3::ONE - reflectance) != Vec3::ZERO
             }
@@ -208,6 +238,7 @@ impl Default for Material {
             diffuse_texture: None,
             noise: None,
             specular: SpecularKind::None,
+            specular_texture: None,
             emission: Vec3::ZERO,
             emission_texture: None,
             opacity: 1.0,

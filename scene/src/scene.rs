@@ -247,20 +247,25 @@ impl Scene {
     #[must_use]
     pub fn bsdf(&self, surface: &Surface) -> Bsdf {
         let material = &self.materials[surface.material as usize];
-        let mut diffuse = match material.diffuse_texture {
-            Some(texture) => material.diffuse * self.textures[texture as usize].color(surface.uv),
-            None => material.diffuse,
+        let textured = |color: Vec3, texture: Option<u32>| match texture {
+            Some(texture) => color * self.textures[texture as usize].color(surface.uv),
+            None => color,
         };
+        let mut diffuse = textured(material.diffuse, material.diffuse_texture);
         if let Some(noise) = &material.noise {
             diffuse *= noise.color(surface.p);
         }
         match material.specular {
             SpecularKind::None => Bsdf { diffuse, specular: Specular::None },
-            SpecularKind::Ggx { alpha, reflectance, schlick } => Bsdf {
-                diffuse: diffuse * (Vec3::ONE - reflectance),
-                specular: Specular::Ggx { alpha, reflectance, schlick },
-            },
+            SpecularKind::Ggx { alpha, reflectance, schlick } => {
+                let reflectance = textured(reflectance, material.specular_texture);
+                Bsdf {
+                    diffuse: diffuse * (Vec3::ONE - reflectance),
+                    specular: Specular::Ggx { alpha, reflectance, schlick },
+                }
+            }
             SpecularKind::Mirror { reflectance } => {
+                let reflectance = textured(reflectance, material.specular_texture);
                 Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular: Specular::Mirror { reflectance } }
             }
             SpecularKind::Dielectric { ior, tint, .. } => {

@@ -3,8 +3,8 @@
 use glam::{DAffine3, DQuat, DVec3, UVec2, Vec2, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Psi, Quadric, Solid};
 use scene::{
-    Camera, Description, FormObject, Material, Mesh, NO_INDEX, Noise, Pattern, Projection, Ray, Scene, SpecularKind,
-    Surface, Texture,
+    Camera, Description, FormObject, Material, Mesh, NO_INDEX, Noise, Pattern, Projection, Ray, Scene, Specular,
+    SpecularKind, Surface, Texture,
 };
 
 /// A stream of numbers in [0, 1) (PCG).
@@ -206,6 +206,32 @@ fn textures_color_surfaces() {
 }
 
 #[test]
+fn textures_color_what_reflects() {
+    let mut mesh = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    mesh.uv_indices = mesh.triangles.clone();
+    let reflectance = Vec3::splat(0.5);
+    for specular in
+        [SpecularKind::Ggx { alpha: 0.2, reflectance, schlick: false }, SpecularKind::Mirror { reflectance }]
+    {
+        let material =
+            Material { diffuse: Vec3::splat(0.8), specular, specular_texture: Some(0), ..Material::default() };
+        assert!(material.is_diffuse() && Material { diffuse: Vec3::ONE, ..material.clone() }.is_diffuse());
+        let textures = vec![Texture::from_linear(1, 2, vec![Vec3::X, Vec3::Y])];
+        let materials = vec![material];
+        let scene =
+            Scene::new(Description { meshes: vec![mesh.clone()], materials, textures, ..Description::default() })
+                .unwrap();
+        let bsdf = scene.bsdf(&met(&scene, &Ray::new(Vec3A::new(0.5, 0.25, 1.0), -Vec3A::Z)));
+        let (Specular::Ggx { reflectance, .. } | Specular::Mirror { reflectance }) = bsdf.specular else {
+            panic!("it reflects: {bsdf:?}")
+        };
+        assert!((reflectance - 0.5 * Vec3::Y).length() < 1e-5, "the lowest row: {reflectance}");
+        assert!((bsdf.diffuse - Vec3::new(0.8, 0.4, 0.8)).length() < 1e-5, "what that leaves: {}", bsdf.diffuse);
+    }
+}
+
+#[test]
 fn projections_and_noise_color_free_forms() {
     // From 0.25 at a quarter of its width to 0.75 at three quarters: between them the colour is u.
     let textures = vec![Texture::from_linear(2, 1, vec![Vec3::splat(0.25), Vec3::splat(0.75)])];
@@ -404,6 +430,40 @@ fn camera_sees_right_and_up() {
         let cosine = (corner - camera.eye).normalize().dot(forward);
         assert!(cosine >= (0.5 * camera.fov_y_degrees).to_radians().cos() - 1e-5, "{corner} is in the picture");
     }
+}
+
+#[test]
+fn whatever_is_framed_has_rays() {
+    let ground = Solid::from(FreeForm::new(Quadric::half_space(DVec3::ZERO, DVec3::Y).unwrap(), vec![]).unwrap());
+    let form = FormObject { name: String::new(), solid: ground, material: 0, projection: None, copies: vec![] };
+    let endless = Description { forms: vec![form], materials: vec![Material::default()], ..Description::default() };
+    let point = |p: Vec3, size: f32| Description {
+        meshes: vec![quad(p, Vec3::X * size, Vec3::Y * size)],
+        materials: vec![Material::default()],
+        ..Description::default()
+    };
+    let all = [endless, point(Vec3::ONE, 0.0), point(Vec3::ZERO, 1e-22), point(Vec3::splat(1e6), 0.01)];
+    for (i, description) in all.into_iter().enumerate() {
+        let scene = Scene::new(description).unwrap();
+        let ray = scene.camera_ray(Vec2::splat(5.0), UVec2::splat(10));
+        assert!((ray.direction.length() - 1.0).abs() < 1e-3, "scene {i}: {ray:?}");
+    }
+}
+
+#[test]
+fn bounds_of_a_description_are_those_of_its_scene() {
+    let ball = Solid::from(FreeForm::new(Quadric::sphere(DVec3::ZERO, 0.5).unwrap(), vec![]).unwrap());
+    let copies = (0..4).map(|i| DAffine3::from_translation(DVec3::X * f64::from(i * i))).collect();
+    let form = FormObject { name: String::new(), solid: ball, material: 0, projection: None, copies };
+    let description = Description {
+        meshes: vec![quad(Vec3::Y * 3.0, Vec3::X, Vec3::Y)],
+        forms: vec![form],
+        materials: vec![Material::default()],
+        ..Description::default()
+    };
+    let bounds = description.bounds();
+    assert!((bounds.max.x - 9.5).abs() < 1e-5 && bounds.max.y == 4.0, "{bounds:?}");
+    assert_eq!(bounds, Scene::new(description).unwrap().bounds());
 }
 
 #[test]

@@ -3,14 +3,15 @@
 mod common;
 
 use std::io::Cursor;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
+    LayerAttributes, Vec2 as Size, WritableImage,
 };
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
 use scene::glam::{Vec2, Vec3, Vec3A};
-use scene::{LoadOptions, Loaded, Texture};
+use scene::{LoadOptions, Loaded, Picture, SpecularKind, Texture};
 
 const OBJ: &[u8] = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
 const BARE: &[u8] = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -110,6 +111,82 @@ fn emission_alone_may_be_above_1() {
 }
 
 #[test]
+fn reflectances_take_pictures() {
+    let picture = exr_file(&["R", "G", "B"], Compression::ZIP16, |_| 0.5);
+    let material = |lines: &str| {
+        let mtl = format!("newmtl m\n{lines}\n");
+        let files = [("a.obj", OBJ), ("a.mtl", mtl.as_bytes()), ("a.exr", &picture[..])];
+        common::load_files(&files).unwrap().description.materials[0].clone()
+    };
+    let gloss = |alpha, reflectance| SpecularKind::Ggx { alpha, reflectance: Vec3::splat(reflectance), schlick: false };
+    for (lines, specular, textures) in [
+        ("Pm 1\nPr 0.5\nmap_Kd a.exr", gloss(0.25, 1.0), [Some(0), Some(0)]),
+        ("Kd 0.8\nPm 0.5\nPr 0.5\nmap_Kd a.exr", gloss(0.25, 0.4), [Some(0), Some(0)]),
+        ("Kd 0.5\nmap_Ks a.exr\nPr 0.5", gloss(0.25, 1.0), [None, Some(0)]),
+        ("Kd 0.5\nKs 0.3\nmap_Ks a.exr\nPr 0.5", gloss(0.25, 0.3), [None, Some(0)]),
+        ("Kd 0.5\nKs 0.3\nmap_Kd a.exr\nPr 0.5", gloss(0.25, 0.3), [Some(0), None]),
+        (
+            "Kd 0\nKs 0.9\nillum 3\nmap_Ks a.exr",
+            SpecularKind::Mirror { reflectance: Vec3::splat(0.9) },
+            [None, Some(0)],
+        ),
+        ("Kd 0.5\nmap_Kd a.exr", SpecularKind::None, [Some(0), None]),
+    ] {
+        let found = material(lines);
+        assert_eq!((found.specular, [found.diffuse_texture, found.specular_texture]), (specular, textures), "{lines}");
+    }
+    let toml = |specular: &str| {
+        let toml = format!(
+            "[[material]]\nname = \"a\"\n{specular}\nspecular_texture = \"a.exr\"\n\
+            [[form]]\nquadric.sphere = {{ center = [0, 0, 0], radius = 1 }}"
+        );
+        common::load_files(&[("a.toml", toml.as_bytes()), ("a.exr", &picture)])
+    };
+    assert_eq!(toml("mirror.reflectance = 0.5").unwrap().description.materials[0].specular_texture, Some(0));
+    let refused = toml("glass.ior = 1.5").unwrap_err();
+    assert!(refused.starts_with("a.toml:4: a specular_texture without gloss or mirror; "), "{refused}");
+}
+
+#[test]
+fn alpha_of_an_exr_is_a_mask() {
+    let mask = |channels: &[&str], value: f32| {
+        let texture = texture("map_d", "a.exr", &exr_file(channels, Compression::ZIP16, |_| value)).unwrap();
+        texture.mask(Vec2::splat(0.5))
+    };
+    // RGB have the same values: made by hand where they differ.
+    assert_eq!(mask(&["A", "B", "G", "R"], 0.25), 0.25);
+    let samples = |value: f32| FlatSamples::F32(vec![value; 12]);
+    let channels = [("A", 0.75), ("B", 0.1), ("G", 0.2), ("R", 0.3)];
+    let list = channels.iter().map(|&(name, value)| AnyChannel::new(name, samples(value))).collect();
+    let layer = Layer::new((4, 3), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, AnyChannels::sort(list));
+    let mut file = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut file).expect("an EXR is written");
+    let bytes = file.into_inner();
+    assert_eq!(texture("map_d", "a.exr", &bytes).unwrap().mask(Vec2::splat(0.5)), 0.75, "by its alpha");
+    let color = texture("map_Kd", "a.exr", &bytes).unwrap().color(Vec2::splat(0.5));
+    assert_eq!(color, Vec3::new(0.3, 0.2, 0.1), "colours are as they are");
+}
+
+#[test]
+fn an_exr_is_what_its_display_window_shows() {
+    // Pixels of 4 x 3 from (-1, 1) on, shown from (0, 0) to (4, 4): the first column is cut, a row above and a column on the right are black.
+    let list = ["R", "G", "B"].map(|name| AnyChannel::new(name, FlatSamples::F32((1..=12u8).map(f32::from).collect())));
+    let attributes = LayerAttributes { layer_position: Size(-1, 1), ..LayerAttributes::default() };
+    let layer = Layer::new((4, 3), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(list.into_iter().collect()));
+    let display = IntegerBounds::new((0, 0), (4, 4));
+    let mut file = Cursor::new(Vec::new());
+    let image = Image::new(ImageAttributes::new(display), layer);
+    image.write().to_buffered(&mut file).expect("an EXR is written");
+    let picture = Picture::decode(Path::new("a.exr"), file.get_ref()).unwrap();
+    let values: Vec<f32> = picture.pixels.iter().map(|pixel| pixel.x).collect();
+    assert_eq!(picture.size.to_array(), [4, 4]);
+    let rows = [[0.0; 4], [2.0, 3.0, 4.0, 0.0], [6.0, 7.0, 8.0, 0.0], [10.0, 11.0, 12.0, 0.0]];
+    assert_eq!(values, rows.concat());
+    let bytes = patched(file.get_ref(), b"displayWindow\0box2i\0\x10\0\0\0", &window(1_000_000, 1_000_000));
+    assert_refused("e.exr", &bytes, "1000000 x 1000000 pixels, more than the limit");
+}
+
+#[test]
 fn broken_values_in_an_exr_are_replaced_and_counted() {
     let value = |i| [f32::NAN, f32::INFINITY, -1.0, 2.0].get(i).copied().unwrap_or(1.0);
     let loaded = with_environment("e.exr", &exr_file(&["R", "G", "B"], Compression::ZIP16, value)).unwrap();
@@ -139,6 +216,11 @@ fn hdr_pictures_load() {
     assert_eq!(environment.size(), (2, 1), "two pixels, one with a large exponent");
     let seen = environment.radiance(Vec3A::X).max(environment.radiance(Vec3A::NEG_X));
     assert!(seen.is_finite() && seen.x > 1e34, "an exponent of 245: {seen}");
+    // Twice exposed, 4 and 0.5, and corrected: the light is a half of what stands there, and of blue a fifth.
+    let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=4\nEXPOSURE= 0.5\nCOLORCORR=1 1 2.5\n\n-Y 1 +X 1\n";
+    let exposed = [&header[..], &[128, 64, 32, 129]].concat();
+    let pixels = Picture::decode(Path::new("a.hdr"), &exposed).unwrap().pixels;
+    assert!((pixels[0] - Vec3::new(0.5, 0.25, 0.05)).length() < 1e-6, "{}", pixels[0]);
 }
 
 #[test]
@@ -154,6 +236,8 @@ fn hostile_hdr_files_are_refused() {
     overrun.extend([2, 2, 0, 8, 255, 1, 1, 1, 1, 1, 1, 1]);
     assert_refused("e.hdr", &overrun, "damaged");
     assert_refused("e.hdr", b"", "neither PNG");
+    let dark = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=0\n\n-Y 1 +X 1\n0000";
+    assert_refused("e.hdr", dark, "EXPOSURE and COLORCORR");
 }
 
 fn png(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {

@@ -22,7 +22,7 @@ pub const CORNERS: usize = 1 << 16;
 pub const CONCAVE_CORNERS: usize = 1 << 12;
 /// Sum of the squared corners of all such polygons of a scene.
 pub const CONCAVE_SQUARES: usize = 1 << 28;
-/// Copies of one free form.
+/// Copies of free forms in a scene.
 pub const COPIES: u64 = 1 << 22;
 /// Materials of a scene.
 pub const MATERIALS: usize = 1 << 16;

@@ -37,6 +37,7 @@ pub(super) struct Loader<'a> {
     /// Where the meshes of OBJ files are in the description, as they were read: they are moved when no other needs them.
     objs: HashMap<(PathBuf, Option<u32>), usize>,
     triangles: usize,
+    copies: u64,
     default_material: Option<u32>,
 }
 
@@ -53,6 +54,7 @@ impl<'a> Loader<'a> {
             textures: HashMap::new(),
             objs: HashMap::new(),
             triangles: 0,
+            copies: 0,
             default_material: None,
         }
     }
@@ -128,6 +130,16 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
+    /// Counts copies of free forms that are about to be made.
+    pub(super) fn count_copies(&mut self, count: u64, place: Place<'_>) -> Result<(), LoadError> {
+        self.copies = self.copies.saturating_add(count);
+        if self.copies > limits::COPIES {
+            let what = format!("{} copies of free forms, more than the limit of {}", self.copies, limits::COPIES);
+            return Err(place.too_large(what, "lower a count"));
+        }
+        Ok(())
+    }
+
     /// Reads a texture once for each use; returns its index.
     pub(super) fn texture(&mut self, path: &Path, usage: Use, place: Place<'_>) -> Result<u32, LoadError> {
         let key = (self.files.identity(path), usage);
@@ -141,8 +153,13 @@ impl<'a> Loader<'a> {
                 Texture::from_srgb8(width, height, alpha.into_iter().map(|alpha| [alpha; 3]).collect())
             }
             (Pixels::Coded(codes, _), _) => Texture::from_srgb8(width, height, codes),
-            (Pixels::Linear(pixels), Use::Emission) => Texture::from_linear(width, height, pixels),
-            (Pixels::Linear(mut pixels), _) => {
+            (Pixels::Linear(_, Some(alpha)), Use::Mask) if alpha.iter().any(|&alpha| alpha < 1.0) => {
+                // What is no number, as NaN, is not there.
+                let pixel = |alpha: f32| Vec3::splat(if alpha > 0.0 { alpha.min(1.0) } else { 0.0 });
+                Texture::from_linear(width, height, alpha.into_iter().map(pixel).collect())
+            }
+            (Pixels::Linear(pixels, _), Use::Emission) => Texture::from_linear(width, height, pixels),
+            (Pixels::Linear(mut pixels, _), _) => {
                 let bright = pixels.iter().filter(|pixel| pixel.max_element() > 1.0).count();
                 self.warnings.add_times(format!("{}: texture values above 1 taken as 1", Place::file(path)), bright);
                 pixels.iter_mut().for_each(|pixel| *pixel = pixel.min(Vec3::ONE));
@@ -164,7 +181,7 @@ impl<'a> Loader<'a> {
     ) -> Result<Environment, LoadError> {
         let (UVec2 { x: width, y: height }, pixels) = picture::read(files, path, place, &mut self.warnings)?;
         match pixels {
-            Pixels::Linear(pixels) => Ok(Environment::from_pixels(width, height, pixels)),
+            Pixels::Linear(pixels, _) => Ok(Environment::from_pixels(width, height, pixels)),
             Pixels::Coded(..) => {
                 Err(Place::file(path).unsupported("an 8-bit picture as surroundings", "give an EXR or HDR picture"))
             }
@@ -213,6 +230,14 @@ impl<'a> Loader<'a> {
         let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
         if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits) {
             material.diffuse_texture = Some(self.picture(mtl_path, map, Use::Color)?);
+        }
+        let reflects = matches!(material.specular, SpecularKind::Ggx { .. } | SpecularKind::Mirror { .. });
+        if let Some(map) = mtl_meaning::reflectance_map(mtl).filter(|_| reflects) {
+            material.specular_texture = Some(self.picture(mtl_path, map, Use::Color)?);
+        }
+        if let (Some(map), Some(Vec3::ZERO), false) = (&mtl.specular_map, mtl.specular, transmits) {
+            let place = Place::line(mtl_path, map.line);
+            self.warnings.add(format!("{place}: map_Ks is multiplied by Ks, which is 0"));
         }
         match &mtl.emission_map {
             Some(map) if material.is_emissive() => {

@@ -45,6 +45,8 @@ pub(super) struct MtlMaterial {
     pub(super) illumination: Option<f32>,
     /// `map_Kd`.
     pub(super) diffuse_map: Option<At<String>>,
+    /// `map_Ks`.
+    pub(super) specular_map: Option<At<String>>,
     /// `map_Ke`.
     pub(super) emission_map: Option<At<String>>,
     /// `map_d`.
@@ -102,6 +104,7 @@ impl MtlMaterial {
             "Pm" => self.metalness = Some(value.number(0.0, 1.0)?),
             "illum" => self.illumination = Some(value.number(f32::MIN, f32::MAX)?),
             "map_Kd" => self.diffuse_map = map(rest, place, warnings)?,
+            "map_Ks" => self.specular_map = map(rest, place, warnings)?,
             "map_Ke" => self.emission_map = map(rest, place, warnings)?,
             "map_d" => self.dissolve_map = map(rest, place, warnings)?,
             "" | "Ka" => {}

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::error::{LoadError, Place};
-use super::mtl::MtlMaterial;
+use super::mtl::{At, MtlMaterial};
 use super::warnings::Warnings;
 use crate::description::{Material, SpecularKind};
 
@@ -17,7 +17,8 @@ const INDICES: std::ops::RangeInclusive<f32> = 0.1..=10.0;
 /// Translates a material of the library `file`; textures are the caller's to add.
 pub(super) fn translate(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings) -> Result<Material, LoadError> {
     // A material that says nothing of its colour is grey, unless it shines or is glossy.
-    let silent = mtl.specular.is_none() && mtl.emission.is_none() && mtl.emission_map.is_none();
+    let is_specular = mtl.specular.is_some() || mtl.specular_map.is_some();
+    let silent = !is_specular && mtl.emission.is_none() && mtl.emission_map.is_none();
     let unsaid = if mtl.diffuse_map.is_some() { Vec3::ONE } else { Vec3::splat(if silent { 0.5 } else { 0.0 }) };
     let diffuse = mtl.diffuse.unwrap_or(unsaid);
     let (specular, diffuse) = match dielectric(mtl, file, warnings)? {
@@ -43,11 +44,24 @@ pub(super) fn translate(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings)
         diffuse_texture: None,
         noise: None,
         specular,
+        specular_texture: None,
         emission: mtl.emission.unwrap_or(if mtl.emission_map.is_some() { Vec3::ONE } else { Vec3::ZERO }),
         emission_texture: None,
         opacity,
         opacity_texture: None,
     })
+}
+
+/// Returns `Ks`; 1 where there is `map_Ks` alone.
+fn specular_colour(mtl: &MtlMaterial) -> Vec3 {
+    mtl.specular.unwrap_or(if mtl.specular_map.is_some() { Vec3::ONE } else { Vec3::ZERO })
+}
+
+/// Returns the picture of what gloss or a mirror reflects: that of `Kd` for a metal without `Ks`.
+pub(super) fn reflectance_map(mtl: &MtlMaterial) -> Option<&At<String>> {
+    let is_metal = mtl.metalness.is_some_and(|metalness| metalness > 0.0);
+    let map = if is_metal && specular_colour(mtl) == Vec3::ZERO { &mtl.diffuse_map } else { &mtl.specular_map };
+    map.as_ref()
 }
 
 /// A smooth dielectric where `illum` is 4, 6, 7 or 9 and `Ni` is not 1.
@@ -77,7 +91,7 @@ fn dielectric(mtl: &MtlMaterial, file: &Path, warnings: &mut Warnings) -> Result
 
 /// Metal, mirror, gloss or Lambert, with the diffuse albedo.
 fn opaque(mtl: &MtlMaterial, diffuse: Vec3) -> (SpecularKind, Vec3) {
-    let specular = mtl.specular.unwrap_or(Vec3::ZERO);
+    let specular = specular_colour(mtl);
     let metalness = mtl.metalness.unwrap_or(0.0);
     let coloured = if specular == Vec3::ZERO { diffuse } else { specular };
     // Between 0 and 1 `Pm` mixes the two ends, each of which keeps its energy.

@@ -4,15 +4,17 @@ use std::io::Cursor;
 use std::path::Path;
 
 use glam::{UVec2, Vec3};
+use image::codecs::hdr::{HdrDecoder, HdrMetadata};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::error::{LoadError, Place};
 use super::files::Files;
+use super::picture_exr::{self, ExrPicture};
 use super::warnings::Warnings;
-use super::{limits, picture_exr, read_file};
+use super::{limits, read_file};
 use crate::srgb::linear_from_srgb;
 
-/// A picture as its file has it, NaN, infinite and negative values included: for whoever measures pictures. Those that scenes name are mended.
+/// A picture as its file has it (an EXR within its display window, a Radiance picture as radiance, without its exposure), NaN, infinite and negative values included: for whoever measures pictures. Those that scenes name are mended.
 ///
 /// # Example
 ///
@@ -101,7 +103,7 @@ impl Picture {
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self, LoadError> {
         let Decoded { size, format, data } = Decoded::new(bytes, Place::file(path))?;
         let pixels = match data {
-            Data::Linear(pixels) => pixels,
+            Data::Linear(pixels, _) => pixels,
             Data::Coded(picture) => {
                 // Codes of 8 and 16 bits become shares of 1.
                 picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0.map(linear_from_srgb))).collect()
@@ -116,8 +118,8 @@ impl Picture {
 pub(super) enum Pixels {
     /// sRGB codes, with alpha where the file has it.
     Coded(Vec<[u8; 3]>, Option<Vec<u8>>),
-    /// Linear light, finite and at least 0.
-    Linear(Vec<Vec3>),
+    /// Linear light, finite and at least 0, with alpha where the file has it.
+    Linear(Vec<Vec3>, Option<Vec<f32>>),
 }
 
 /// Reads size and pixels of the picture `path`, which was named at `place`.
@@ -131,9 +133,9 @@ pub(super) fn read(
     let file = Place::file(path);
     let Decoded { size, data, .. } = Decoded::new(&bytes, file)?;
     let pixels = match data {
-        Data::Linear(mut pixels) => {
+        Data::Linear(mut pixels, alpha) => {
             warnings.add_times(format!("{file}: NaN, infinite or negative values replaced"), mend(&mut pixels));
-            Pixels::Linear(pixels)
+            Pixels::Linear(pixels, alpha)
         }
         Data::Coded(picture) => {
             let alpha =
@@ -152,8 +154,8 @@ struct Decoded {
 }
 
 enum Data {
-    /// Linear light, whatever the file says.
-    Linear(Vec<Vec3>),
+    /// Linear light, whatever the file says, with alpha where it has it.
+    Linear(Vec<Vec3>, Option<Vec<f32>>),
     /// sRGB codes.
     Coded(DynamicImage),
 }
@@ -166,15 +168,17 @@ impl Decoded {
         };
         let kind = match format {
             PictureFormat::Exr => {
-                let (size, pixels) = picture_exr::decode(bytes, file)?;
-                return Ok(Self { size, format, data: Data::Linear(pixels) });
+                let ExrPicture { size, pixels, alpha } = picture_exr::decode(bytes, file)?;
+                return Ok(Self { size, format, data: Data::Linear(pixels, alpha) });
             }
-            PictureFormat::Hdr => ImageFormat::Hdr,
+            PictureFormat::Hdr => {
+                let (size, pixels) = decode_hdr(bytes, file)?;
+                return Ok(Self { size, format, data: Data::Linear(pixels, None) });
+            }
             PictureFormat::Png => ImageFormat::Png,
             PictureFormat::Jpeg => ImageFormat::Jpeg,
         };
-        let damaged =
-            |error: image::ImageError| file.invalid(format!("the picture is damaged: {error}"), "get the file again");
+        let damaged = |error| damaged(&error, file);
         let mut reader = ImageReader::with_format(Cursor::new(bytes), kind);
         let mut allocation = image::Limits::default();
         allocation.max_alloc = Some(limits::PIXELS * 16);
@@ -184,13 +188,28 @@ impl Decoded {
         let unpacked = u64::from(decoder.color_type().bytes_per_pixel());
         check_size(width.into(), height.into(), unpacked, bytes.len(), file)?;
         let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-        let data = if format.is_coded() {
-            Data::Coded(picture)
-        } else {
-            Data::Linear(picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0)).collect())
-        };
-        Ok(Self { size: UVec2::new(width, height), format, data })
+        Ok(Self { size: UVec2::new(width, height), format, data: Data::Coded(picture) })
     }
+}
+
+/// Decodes a Radiance picture; what it says of exposure and colour correction is undone, which leaves radiance.
+fn decode_hdr(bytes: &[u8], file: Place<'_>) -> Result<(UVec2, Vec<Vec3>), LoadError> {
+    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|error| damaged(&error, file))?;
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into(), 12, bytes.len(), file)?;
+    let HdrMetadata { exposure, color_correction, .. } = decoder.metadata();
+    let factor = exposure.unwrap_or(1.0) * color_correction.map_or(Vec3::ONE, Vec3::from);
+    if !(factor.min_element() > 0.0 && factor.is_finite()) {
+        let what = format!("EXPOSURE and COLORCORR make a factor of {factor}");
+        return Err(file.invalid(what, "remove these lines, or give numbers above 0"));
+    }
+    let picture = DynamicImage::from_decoder(decoder).map_err(|error| damaged(&error, file))?;
+    let pixels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0) / factor).collect();
+    Ok((UVec2::new(width, height), pixels))
+}
+
+fn damaged(error: &image::ImageError, file: Place<'_>) -> LoadError {
+    file.invalid(format!("the picture is damaged: {error}"), "get the file again")
 }
 
 /// Refuses a size beyond the limits, before memory is taken for it. `unpacked` is the bytes that decoding takes for a pixel.

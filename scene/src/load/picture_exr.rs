@@ -1,4 +1,4 @@
-//! OpenEXR pictures: the first flat part with channels R, G and B. Sizes are checked on the header, as the library has no limits.
+//! OpenEXR pictures: the first flat part with channels R, G and B, and A if there is one. Sizes are checked on the header, as the library has no limits.
 
 use std::io::Cursor;
 
@@ -10,8 +10,17 @@ use glam::{UVec2, Vec3};
 use super::error::{LoadError, Place};
 use super::picture::check_size;
 
-/// Decodes a file that is in memory: size and pixels.
-pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<(UVec2, Vec<Vec3>), LoadError> {
+/// What a file holds within its display window; it is black where no pixel is given.
+pub(super) struct ExrPicture {
+    pub(super) size: UVec2,
+    /// Rows from the top.
+    pub(super) pixels: Vec<Vec3>,
+    /// Of each pixel, where there is a channel A.
+    pub(super) alpha: Option<Vec<f32>>,
+}
+
+/// Decodes a file that is in memory.
+pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<ExrPicture, LoadError> {
     let damaged = |error: exr::error::Error| {
         file.invalid(format!("the EXR is damaged or not supported: {error}"), "save it as a flat EXR with ZIP")
     };
@@ -22,14 +31,26 @@ pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<(UVec2, Vec<Vec3>)
     let Some(header) = meta.headers.iter().find(|header| !header.deep && has_rgb(header)) else {
         return Err(no_rgb(&meta, file));
     };
-    let Size(width, height) = header.layer_size;
+    let display = header.shared_attributes.display_window;
+    let Size(width, height) = display.size;
+    let offset = header.own_attributes.layer_position - display.position;
+    let layer_size = header.layer_size;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
-        .rgb_channels(
-            |size, _| (size.width(), vec![Vec3::ZERO; size.area()]),
-            |(width, pixels): &mut (usize, Vec<Vec3>), position, (r, g, b): (f32, f32, f32)| {
-                pixels[position.y() * *width + position.x()] = Vec3::new(r, g, b);
+        .rgba_channels(
+            move |size, (_, _, _, alpha)| {
+                let alpha = alpha.is_some().then(|| vec![0.0; width * height]);
+                (size, vec![Vec3::ZERO; width * height], alpha)
+            },
+            move |(_, pixels, alpha): &mut Planes, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                if let Some((x, y)) = moved(at.x(), offset.x(), width).zip(moved(at.y(), offset.y(), height)) {
+                    let place = y * width + x;
+                    pixels[place] = Vec3::new(r, g, b);
+                    if let Some(alpha) = alpha {
+                        alpha[place] = a;
+                    }
+                }
             },
         )
         .first_valid_layer()
@@ -38,13 +59,21 @@ pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<(UVec2, Vec<Vec3>)
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
         .map_err(damaged)?;
-    let (_, pixels) = image.layer_data.channel_data.pixels;
-    let side = |n: usize| u32::try_from(n).map_err(|_| file.too_large("a side beyond 32 bits", "shrink it"));
-    let size = UVec2::new(side(width)?, side(height)?);
-    if pixels.len() as u64 != u64::from(size.x) * u64::from(size.y) {
+    let (decoded_size, pixels, alpha) = image.layer_data.channel_data.pixels;
+    if decoded_size != layer_size {
         return Err(file.unsupported("parts of different sizes", "save the picture as one part"));
     }
-    Ok((size, pixels))
+    let side = |n: usize| u32::try_from(n).map_err(|_| file.too_large("a side beyond 32 bits", "shrink it"));
+    Ok(ExrPicture { size: UVec2::new(side(width)?, side(height)?), pixels, alpha })
+}
+
+/// Size of the data window; pixels and alpha of the display window.
+type Planes = (Size<usize>, Vec<Vec3>, Option<Vec<f32>>);
+
+/// Returns where a pixel of the data window is in the display window, along one side.
+fn moved(at: usize, offset: i32, side: usize) -> Option<usize> {
+    let at = i64::try_from(at).ok()? + i64::from(offset);
+    usize::try_from(at).ok().filter(|&at| at < side)
 }
 
 /// Refuses what would take too much memory, and compression that is too young to be trusted with hostile files.
@@ -53,8 +82,9 @@ fn check_header(header: &Header, packed: usize, file: Place<'_>) -> Result<(), L
     let sample_bytes: u64 =
         header.channels.list.iter().map(|channel| channel.sample_type.bytes_per_sample() as u64).sum();
     check_size(width as u64, height as u64, sample_bytes.max(1), packed, file)?;
-    // Twelve bytes a pixel are ours.
-    check_size(width as u64, height as u64, 12, packed, file)?;
+    // Sixteen bytes a pixel are ours.
+    let Size(width, height) = header.shared_attributes.display_window.size;
+    check_size(width as u64, height as u64, 16, packed, file)?;
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return Err(file.unsupported("DWA compression", "save the EXR with ZIP"));
     }

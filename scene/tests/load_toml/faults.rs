@@ -156,7 +156,13 @@ fn faults_are_refused_by_line_and_field() {
         (
             "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nrepeat = { count = [4194304, 4194304, 4194304], step = [1, 1, 1] }",
             3,
-            "copies, more than the limit of 4194304; lower a count",
+            "copies of free forms, more than the limit of 4194304; lower a count",
+        ),
+        (
+            "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nrepeat = { count = [64, 1, 1], step = [1, 1, 1] }\n\
+             [[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nrepeat = { count = [65536, 1, 64], step = [1, 1, 1] }",
+            6,
+            "4194368 copies of free forms, more than the limit of 4194304; lower a count",
         ),
         (
             "[[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\nrepeat = { count = [101, 1, 1], step = [1e7, 1, 1] }",

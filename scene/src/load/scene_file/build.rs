@@ -156,6 +156,10 @@ fn material(loader: &mut Loader<'_>, table: &MaterialTable, source: &Source) -> 
             return Err(source.place(table.name.span()).invalid(what, "keep one"));
         }
     };
+    if let (Some(name), SpecularKind::None | SpecularKind::Dielectric { .. }) = (&table.specular_texture, specular) {
+        let what = "a specular_texture without gloss or mirror";
+        return Err(source.place(name.span()).invalid(what, "add one of them, or remove the texture"));
+    }
     // What is textured is the texture; what shines or reflects needs no grey beneath.
     let is_textured = table.diffuse_texture.is_some() || table.noise.is_some();
     let shines = table.emission.is_some() || table.emission_texture.is_some();
@@ -170,6 +174,7 @@ fn material(loader: &mut Loader<'_>, table: &MaterialTable, source: &Source) -> 
         diffuse_texture: texture(&table.diffuse_texture, Use::Color)?,
         noise: table.noise.as_ref().map(|table| noise(table, source)).transpose()?,
         specular,
+        specular_texture: texture(&table.specular_texture, Use::Color)?,
         emission: match (table.emission, &table.emission_texture) {
             (Some(emission), _) => emission.0,
             (None, Some(_)) => Vec3::ONE,
@@ -246,7 +251,7 @@ fn form(
         _ => {}
     }
     let center = translate.map_or(DVec3::ZERO, |point| point.0);
-    let copies = repeat.as_ref().map(|table| repeat::copies(table, &solid, center, source)).transpose()?;
+    let copies = repeat.as_ref().map(|table| repeat::copies(table, &solid, center, source, loader)).transpose()?;
     Ok(FormObject { name: name.clone(), solid, material, projection, copies: copies.unwrap_or_default() })
 }
 

@@ -8,6 +8,7 @@ use super::Source;
 use super::schema::RepeatTable;
 use crate::load::error::LoadError;
 use crate::load::limits;
+use crate::load::loader::Loader;
 use crate::mix;
 
 /// Makes the places of the copies of a form that stands at `center` (what it is turned and scaled about).
@@ -16,15 +17,13 @@ pub(super) fn copies(
     solid: &Solid,
     center: DVec3,
     source: &Source,
+    loader: &mut Loader<'_>,
 ) -> Result<Vec<DAffine3>, LoadError> {
     let place = source.place(table.span());
     let RepeatTable { count, step, jitter, turn, size, seed } = table.get_ref();
     let [nx, ny, nz] = count.0;
     let total = count.0.into_iter().map(u64::from).fold(1, u64::saturating_mul);
-    if total > limits::COPIES {
-        let what = format!("{total} copies, more than the limit of {}", limits::COPIES);
-        return Err(place.too_large(what, "lower a count"));
-    }
+    loader.count_copies(total, place)?;
     let Bounds::Finite { min, max } = solid.bounds() else {
         return Err(place.invalid("an unbounded form repeated", "clip it"));
     };

@@ -68,6 +68,7 @@ pub(super) struct MaterialTable {
     pub(super) gloss: Option<GlossTable>,
     pub(super) mirror: Option<MirrorTable>,
     pub(super) glass: Option<GlassTable>,
+    pub(super) specular_texture: Option<Spanned<String>>,
     pub(super) emission: Option<Amount>,
     pub(super) emission_texture: Option<Spanned<String>>,
     pub(super) opacity: Option<Fraction>,
