@@ -119,7 +119,9 @@ impl Allocation {
         let ambient = f64::from(ambient);
         let floor_sq = metrics::floor_sq(pixels.par_iter().map(|pixel| pixel.noise.mean(ambient)).collect());
         let (Budget::Mean(most) | Budget::Noise(_, most)) = budget;
-        let most_doublings = ((MOST * most / first) as f32).log2().floor();
+        // Where the first samples are all that there are, as for pixels that are to be alike, none has more.
+        let is_spent = matches!(budget, Budget::Mean(most) if most <= first);
+        let most_doublings = if is_spent { 0.0 } else { ((MOST * most / first) as f32).log2().floor() };
         let unsolved = Self { ambient, floor_sq, k: RANGE.0, most_doublings };
         let (noise, needs): (Vec<f32>, Vec<f32>) = pixels
             .par_chunks((width * rows).max(1))
@@ -166,6 +168,10 @@ impl Allocation {
     fn noise(&self, pixel: usize, width: usize, pixels: &[FirstSamples]) -> (f32, f32) {
         let mut around = SampleNoise::default();
         neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
+        if pixels.len() == 1 {
+            // There is no other to ask.
+            around = pixels[pixel].noise;
+        }
         let unit = around.mean(self.ambient).powi(2) + self.floor_sq;
         let [all, counts] = around.variance(self.ambient).map(|variance| variance / unit);
         (all as f32, 0.4 * counts.log2() as f32)
@@ -288,6 +294,18 @@ mod tests {
         let found = with(0.004, 0.5);
         assert!((0.7 * known..1.5 * known).contains(&found), "{found} samples, not {known}");
         assert!(with(1e-6, 0.5) <= 64.0, "the limit");
+    }
+
+    #[test]
+    fn a_lone_pixel_takes_what_is_asked_and_spent_budgets_give_no_more() {
+        let lone = &picture(7, 0.5)[50..51];
+        assert_eq!(allocate(1, FIRST, Budget::Mean(64), lone, 1.0), [16], "64 of one pixel");
+        assert!(allocate(1, FIRST, Budget::Noise(1e-9, 64), lone, 1.0)[0] == 16, "up to the limit");
+        // The part that decides may be without noise.
+        let pixels = picture(8, 0.5);
+        let part: Vec<FirstSamples> = picture(8, 0.0)[..64].to_vec();
+        let even = Allocation::new((8, 8), FIRST, Budget::Mean(FIRST), &part, 1.0).factors(SIDE, &pixels);
+        assert_eq!(even, vec![1; SIDE * SIDE], "as many for each");
     }
 
     #[test]

@@ -47,8 +47,8 @@ const MAX_WITNESSES: usize = 12;
 const MAX_WALK: u32 = 64;
 
 /// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own cell; no link has more throughput. Radiance that
-/// leaves a medium rises by the square of its refractive index, 5.9 in diamond, so nothing else comes to this bound; and of the eight rays of a cell or more one
-/// cannot bring more light than the cell sent.
+/// leaves a medium rises by the square of its refractive index, 5.9 in diamond, so hardly anything else comes to this bound: what is within a body of a higher index
+/// gets too little of the light outside. And of the eight rays of a cell or more one cannot bring more light than the cell sent.
 const MAX_THROUGHPUT: f32 = 6.0;
 
 /// How far a surface may be out of what the probes met of its cell, along the normal, as a share of the width.

@@ -90,6 +90,8 @@ const MAX_ASPECT: f32 = 2.0;
 /// of the harmonic mean distance, by Ward's rule, which knows geometry alone.
 const FEW_TEXELS: f32 = 0.015;
 const WARD_SPACING: f32 = 0.3;
+/// No reach is longer, metres, also where all is infinitely far and nothing else limits it: its square is a number.
+const FARTHEST: f32 = 1e15;
 /// Texels above this cosine are overhead.
 const OVERHEAD_COS: f32 = 0.95;
 /// A point with less than this share of the record's clearance, and less than its distance from the record, is in a gap that the record is not in.
@@ -116,7 +118,7 @@ impl Record {
     ) -> Self {
         let far = samples.harmonic_distance();
         let directions = samples.directions();
-        let limited = |radius: f32| radius.min(far).min(rules.max_radius).max(rules.min_radius);
+        let limited = |radius: f32| radius.min(far).min(rules.max_radius).min(FARTHEST).max(rules.min_radius);
         let derivatives =
             if is_lit_by_few(samples) { None } else { Some(edges.derivatives(samples, &directions, rules.min_radius)) };
         let (radii, axis) = if let Some(derivatives) = derivatives.filter(|_| rules.by_hessian) {
@@ -352,6 +354,11 @@ mod tests {
     fn reach_keeps_its_limits() {
         let tight = RecordRules { total_error: 1e-12, min_radius: 0.01, ..RULES };
         assert_eq!(record(&tight, low_wall).radii[0], 0.01, "the least");
+        let mut endless =
+            record(&RecordRules { max_radius: f32::INFINITY, ..RULES }, |wi| (Vec3::ONE, f32::INFINITY, -wi));
+        assert!(endless.radii[0].is_finite() && endless.distance(&open(Vec3A::X, Vec3A::Z)) < 1.0, "without a limit");
+        endless.clamp_reach(2.0);
+        assert!((endless.distance(&open(Vec3A::X, Vec3A::Z)) - 0.5).abs() < 1e-3, "beside one that reaches less far");
         let dark = record(&RULES, |wi| (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z));
         let ward = dark.radii[0];
         assert!((ward - 0.45).abs() < 5e-3 && dark.radii[1] == ward, "0.3 times 1.5 times the height, not {ward}");

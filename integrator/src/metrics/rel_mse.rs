@@ -63,8 +63,8 @@ pub(super) fn summary(mut errors: Vec<f64>) -> Result<(f64, f64), MetricsError> 
     Ok((plain, mean(&errors[..kept])))
 }
 
-/// Returns 0.8 divided by the 90th percentile over the finite pixels of `reference` of (r + g + b) / 3, and 1 where
-/// that percentile is not positive (a picture that is black almost everywhere).
+/// Returns 0.8 divided by the 90th percentile over the finite pixels of `reference` of (r + g + b) / 3. Where that is not positive, in a picture that is
+/// black almost everywhere, it is the percentile of what is positive, so that errors stay relative; the exposure is 1 where nothing is.
 ///
 /// # Errors
 /// When no pixel is finite.
@@ -90,7 +90,11 @@ fn exposure_of(mut means: Vec<f64>) -> Option<f64> {
         return None;
     }
     let bright = percentile(&mut means, PERCENTILE);
-    Some(if bright > 0.0 { TARGET / bright } else { 1.0 })
+    if bright > 0.0 {
+        return Some(TARGET / bright);
+    }
+    means.retain(|&mean| mean > 0.0);
+    Some(if means.is_empty() { 1.0 } else { TARGET / percentile(&mut means, PERCENTILE) })
 }
 
 /// The `q`-th quantile by linear interpolation between the two nearest of the sorted values, as numpy's default.
@@ -160,6 +164,19 @@ mod tests {
         assert_eq!((found.plain, found.not_finite), (0.0, 2), "one pixel remains, and it is right");
         let nothing = rel_mse(&row(&image[1..]), &row(&reference[1..])).unwrap_err();
         assert_eq!(nothing, MetricsError::NothingFinite, "no pixel remains");
+    }
+
+    #[test]
+    fn errors_of_what_is_small_on_black_are_relative() {
+        let mut reference = [Vec3::ZERO; 40];
+        let mut image = reference;
+        let of = |light: f32, reference: &mut [Vec3; 40], image: &mut [Vec3; 40]| {
+            (reference[7], image[7]) = (Vec3::splat(light), Vec3::splat(1.1 * light));
+            rel_mse(&row(&*image), &row(&*reference)).unwrap()
+        };
+        let [bright, dim] = [1.0, 1e-3].map(|light| of(light, &mut reference, &mut image));
+        assert!((bright.exposure - 0.8).abs() < 1e-12, "exposure {}", bright.exposure);
+        assert!((dim.plain / bright.plain - 1.0).abs() < 1e-5, "{} and {}", dim.plain, bright.plain);
     }
 
     #[test]

@@ -8,7 +8,8 @@
 //! L_s(p) = sum over all samples x that p sees of   f_s(p, x) G(p, x) L(x) / (N sum_q p_q(x)),   q that see x
 //! ```
 //! which is the balance heuristic (Veach 1997) between the points. What x gives off itself counts at p as much as light sampling at p leaves of it. Light that x
-//! reflects by gloss is weighed anew for each point. This has no bias as far as it is known which points see x. All are taken to, but where something is so near that it moves within a lobe from point to point:
+//! reflects by gloss is weighed anew for each point. This has no bias as far as it is known which points see x, and where cells or photons know the light on x: of gloss over a
+//! diffuse part that they do not know, light samples keep the MIS weight of the one point, and beside a highlight that is a bias. All are taken to, but where something is so near that it moves within a lobe from point to point:
 //! there shadow rays tell. What absorbs light on the way is taken to be the same for all. Mirrors and glass, and gloss of which the points see quite different parts of the lobe, are for their own point.
 //!
 //! A point stands for all samples of its pixel on a surface, each batch at another place in the pixel. On curved surfaces those share whose normals are alike; what is seen in mirrors
