@@ -38,7 +38,7 @@ impl LobePlan {
             texture_alpha: wanted_texture_alpha(settings).max(3.0 / n as f32),
             most_rays: study.lobe_rays.unwrap_or(12),
             noise: if is_shared { SHARED_NOISE * noise(quality) } else { 0.0 },
-            batches: power_of_two(64.0 * quality.max(1.0)),
+            batches: power_of_two(64.0 * quality.max(quality.sqrt())),
             parallax: 0.75 * settings.quality.max(1.0).sqrt().recip(),
             learners: if is_learnt { learners(settings) } else { 0 },
         }
@@ -85,5 +85,21 @@ impl LobePlan {
         const MIN_ALPHA: f32 = 0.08;
         const MIN_RAYS: u32 = 4;
         self.learners > 0 && shading.lobe_alpha() >= MIN_ALPHA && rays >= MIN_RAYS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::secondary::tests::lamp_over_metal;
+
+    #[test]
+    fn low_qualities_bound_what_hopeless_tiles_take() {
+        let scene = lamp_over_metal(0.1);
+        let batches = |quality| {
+            let settings = Settings { quality, ..Settings::default() };
+            LobePlan::new(&scene, &settings, 32).batches
+        };
+        assert_eq!([0.001, 0.0625, 1.0, 4.0].map(batches), [2, 16, 64, 256]);
     }
 }
