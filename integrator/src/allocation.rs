@@ -9,7 +9,7 @@
 //! ```
 //!
 //! has the least noise for its number of samples, where that is s^2 / (D^2 samples^(3/2)), as it is for stratified samples of the edge of a body or of
-//! a shadow. D is the denominator of relMSE, `bright` the 90th percentile of the picture. Edges between two pixels count
+//! a shadow. D is the denominator of relMSE, `bright` the 90th percentile of the picture (of what is not black, where that is). Edges between two pixels count
 //! in s, too, for a light that a pixel's few samples missed may be seen by its neighbours'. Counts are the first one times a power of two, for which
 //! Sobol's points are stratified best. Of s^2 there, what the light samples of a primary sample differ by counts in full, the rest a fifth: the noise of edges, which all samples of a pixel
 //! cut at the same places, falls faster. How many there are altogether, the mean of s^2 / (D^2 samples) decides: the noise of independent samples, which is a good deal more than the true one.
@@ -121,7 +121,9 @@ impl Allocation {
         let (Budget::Mean(most) | Budget::Noise(_, most)) = budget;
         // Where the first samples are all that there are, as for pixels that are to be alike, none has more.
         let is_spent = matches!(budget, Budget::Mean(most) if most <= first);
-        let most_doublings = if is_spent { 0.0 } else { ((MOST * most / first) as f32).log2().floor() };
+        // A lone pixel takes all that there may be, for there is no other to ask.
+        let times = if pixels.len() == 1 { 1 } else { MOST };
+        let most_doublings = if is_spent { 0.0 } else { ((times * most / first) as f32).log2().floor() };
         let unsolved = Self { ambient, floor_sq, k: RANGE.0, most_doublings };
         let (noise, needs): (Vec<f32>, Vec<f32>) = pixels
             .par_chunks((width * rows).max(1))
@@ -163,15 +165,14 @@ impl Allocation {
         (0..pixels.len()).into_par_iter().map(factor).collect()
     }
 
-    /// s^2 / D^2 of a pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise.
+    /// s^2 / D^2 of a pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise, inf for a lone pixel.
     #[expect(clippy::cast_possible_truncation, reason = "estimates")]
     fn noise(&self, pixel: usize, width: usize, pixels: &[FirstSamples]) -> (f32, f32) {
         let mut around = SampleNoise::default();
-        neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
         if pixels.len() == 1 {
-            // There is no other to ask.
-            around = pixels[pixel].noise;
+            return (0.0, f32::INFINITY);
         }
+        neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
         let unit = around.mean(self.ambient).powi(2) + self.floor_sq;
         let [all, counts] = around.variance(self.ambient).map(|variance| variance / unit);
         (all as f32, 0.4 * counts.log2() as f32)
@@ -298,9 +299,11 @@ mod tests {
 
     #[test]
     fn a_lone_pixel_takes_what_is_asked_and_spent_budgets_give_no_more() {
-        let lone = &picture(7, 0.5)[50..51];
-        assert_eq!(allocate(1, FIRST, Budget::Mean(64), lone, 1.0), [16], "64 of one pixel");
-        assert!(allocate(1, FIRST, Budget::Noise(1e-9, 64), lone, 1.0)[0] == 16, "up to the limit");
+        let pixels = picture(7, 0.5);
+        for lone in [&pixels[..1], &pixels[50..51]] {
+            assert_eq!(allocate(1, FIRST, Budget::Mean(64), lone, 1.0), [16], "64, whatever its own noise");
+            assert_eq!(allocate(1, FIRST, Budget::Noise(0.01, 32), lone, 1.0), [8], "up to the limit");
+        }
         // The part that decides may be without noise.
         let pixels = picture(8, 0.5);
         let part: Vec<FirstSamples> = picture(8, 0.0)[..64].to_vec();
@@ -336,7 +339,9 @@ mod tests {
         for (width, count) in [(1, 1), (1, 5), (5, 5), (3, 6)] {
             let black = vec![FirstSamples { rays: 1, ..FirstSamples::default() }; count];
             for budget in [Budget::Mean(9), Budget::Noise(1e-3, 9)] {
-                assert_eq!(allocate(width, FIRST, budget, &black, 0.0), vec![1; count], "{width}, {count}");
+                // A lone pixel takes as many as it may: 8 of 9.
+                let expected = if count == 1 { 2 } else { 1 };
+                assert_eq!(allocate(width, FIRST, budget, &black, 0.0), vec![expected; count], "{width}, {count}");
             }
         }
     }

@@ -28,7 +28,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// Returns the box around all that has an end; empty where nothing has.
+    /// Returns the box around all that has an end, as [`Scene::bounds`](crate::Scene::bounds); empty where nothing has. Triangles of zero area do not count.
     ///
     /// ```
     /// use scene::{Description, Mesh, glam::Vec3};
@@ -41,13 +41,18 @@ impl Description {
     /// ```
     #[must_use]
     pub fn bounds(&self) -> Aabb {
-        let corner = |mesh: &Mesh, index: u32| mesh.positions.get(index as usize).map(|&p| Aabb { min: p, max: p });
-        let meshes = self
+        let triangle = |mesh: &Mesh, indices: [u32; 3]| {
+            let [a, b, c] = indices.map(|index| mesh.positions.get(index as usize).copied());
+            let corners = [a?, b?, c?];
+            let [a, b, c] = corners.map(|p| p.as_dvec3());
+            ((b - a).cross(c - a).length_squared() > 0.0).then(|| Aabb::of_points(&corners))
+        };
+        let triangles = self
             .meshes
             .iter()
-            .flat_map(|mesh| mesh.triangles.iter().flatten().filter_map(|&index| corner(mesh, index)));
-        let forms = self.forms.iter().flat_map(|form| Form::all(form.clone(), false)).filter_map(|form| form.bounds);
-        meshes.chain(forms).fold(Aabb::EMPTY, Aabb::union)
+            .flat_map(|mesh| mesh.triangles.iter().filter_map(move |&indices| triangle(mesh, indices)));
+        let forms = self.forms.iter().flat_map(Form::bounds_of).flatten();
+        triangles.chain(forms).fold(Aabb::EMPTY, Aabb::union)
     }
 }
 

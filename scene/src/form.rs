@@ -36,6 +36,12 @@ const POSITION_ERROR: f32 = f32::EPSILON;
 /// After a crossing that is a hole the search goes on this share of t farther.
 const STEP: f64 = 1e-9;
 
+/// Returns the box around a body; `None` where it has no end.
+fn bounds(body: &Body) -> Option<Aabb> {
+    let bounds = body.bounds().map(|(min, max)| Aabb::around(min, max));
+    bounds.filter(|b| b.min.is_finite() && b.max.is_finite())
+}
+
 impl Form {
     /// Makes the form of each copy, all of one solid.
     pub(crate) fn all(object: FormObject, cut_out: bool) -> impl Iterator<Item = Self> {
@@ -44,11 +50,21 @@ impl Form {
         let projector = projection.as_ref().map(|projection| Arc::new(Projector::new(projection)));
         let alone = copies.is_empty().then(|| Body::new(solid.clone()));
         let copies = copies.into_iter().map(move |placement| Body::placed(solid.clone(), &placement));
-        alone.into_iter().chain(copies).map(move |body| {
-            let bounds = body.bounds().map(|(min, max)| Aabb::around(min, max));
-            let bounds = bounds.filter(|b| b.min.is_finite() && b.max.is_finite());
-            Self { body, material, bounds, cut_out, projector: projector.clone() }
+        alone.into_iter().chain(copies).map(move |body| Self {
+            bounds: bounds(&body),
+            body,
+            material,
+            cut_out,
+            projector: projector.clone(),
         })
+    }
+
+    /// Returns the box around each copy, as that of [`Self::all`].
+    pub(crate) fn bounds_of(object: &FormObject) -> impl Iterator<Item = Option<Aabb>> {
+        let solid = Arc::new(object.solid.clone());
+        let alone = object.copies.is_empty().then(|| Body::new(solid.clone()));
+        let copies = object.copies.iter().map(move |placement| Body::placed(solid.clone(), placement));
+        alone.into_iter().chain(copies).map(|body| bounds(&body))
     }
 
     /// Returns where the ray first crosses the surface, where `keep` says that it is there.

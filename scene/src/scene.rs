@@ -257,16 +257,19 @@ impl Scene {
         }
         match material.specular {
             SpecularKind::None => Bsdf { diffuse, specular: Specular::None },
-            SpecularKind::Ggx { alpha, reflectance, schlick } => {
+            SpecularKind::Ggx { reflectance, .. } | SpecularKind::Mirror { reflectance } => {
                 let reflectance = textured(reflectance, material.specular_texture);
-                Bsdf {
-                    diffuse: diffuse * (Vec3::ONE - reflectance),
-                    specular: Specular::Ggx { alpha, reflectance, schlick },
-                }
-            }
-            SpecularKind::Mirror { reflectance } => {
-                let reflectance = textured(reflectance, material.specular_texture);
-                Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular: Specular::Mirror { reflectance } }
+                let specular = match material.specular {
+                    // Where a texture is black there is nothing to look after.
+                    SpecularKind::Ggx { schlick: false, .. } | SpecularKind::Mirror { .. }
+                        if reflectance == Vec3::ZERO =>
+                    {
+                        Specular::None
+                    }
+                    SpecularKind::Ggx { alpha, schlick, .. } => Specular::Ggx { alpha, reflectance, schlick },
+                    _ => Specular::Mirror { reflectance },
+                };
+                Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular }
             }
             SpecularKind::Dielectric { ior, tint, .. } => {
                 let eta = match surface.medium {
@@ -339,7 +342,7 @@ impl Scene {
     }
 
     /// Returns spheres around all surfaces of the materials that are wanted, for photons of lights at infinity to be sent there and nowhere else; around the
-    /// whole scene where one of these surfaces has no bounds.
+    /// whole scene where one of these surfaces has no bounds, or no light is at infinity.
     ///
     /// # Example
     ///
@@ -368,7 +371,8 @@ impl Scene {
     /// ```
     #[must_use]
     pub fn target(&self, is_wanted: impl Fn(&Material) -> bool) -> Target {
-        let boxes = boxes(&self.triangles, &self.forms, &self.materials, is_wanted);
+        let has_distant = self.lights.has_distant();
+        let boxes = has_distant.then(|| boxes(&self.triangles, &self.forms, &self.materials, is_wanted)).flatten();
         boxes.map_or_else(|| self.lights.everything().clone(), |boxes| self.lights.everything().narrowed(boxes))
     }
 

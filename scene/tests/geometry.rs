@@ -228,6 +228,13 @@ fn textures_color_what_reflects() {
         };
         assert!((reflectance - 0.5 * Vec3::Y).length() < 1e-5, "the lowest row: {reflectance}");
         assert!((bsdf.diffuse - Vec3::new(0.8, 0.4, 0.8)).length() < 1e-5, "what that leaves: {}", bsdf.diffuse);
+        let black = Material { specular_texture: Some(1), ..scene.materials()[0].clone() };
+        let textures = vec![Texture::from_linear(1, 1, vec![Vec3::ONE]), Texture::from_linear(1, 1, vec![Vec3::ZERO])];
+        let description =
+            Description { meshes: vec![mesh.clone()], materials: vec![black], textures, ..Description::default() };
+        let scene = Scene::new(description).unwrap();
+        let bsdf = scene.bsdf(&met(&scene, &Ray::new(Vec3A::new(0.5, 0.25, 1.0), -Vec3A::Z)));
+        assert_eq!((bsdf.specular, bsdf.diffuse), (Specular::None, Vec3::splat(0.8)), "nothing where it is black");
     }
 }
 
@@ -455,8 +462,13 @@ fn bounds_of_a_description_are_those_of_its_scene() {
     let ball = Solid::from(FreeForm::new(Quadric::sphere(DVec3::ZERO, 0.5).unwrap(), vec![]).unwrap());
     let copies = (0..4).map(|i| DAffine3::from_translation(DVec3::X * f64::from(i * i))).collect();
     let form = FormObject { name: String::new(), solid: ball, material: 0, projection: None, copies };
+    // What has no area does not count.
+    let mut mesh = quad(Vec3::Y * 3.0, Vec3::X, Vec3::Y);
+    mesh.positions.push(Vec3::splat(100.0));
+    mesh.triangles.push([0, 4, 4]);
+    mesh.materials.push(0);
     let description = Description {
-        meshes: vec![quad(Vec3::Y * 3.0, Vec3::X, Vec3::Y)],
+        meshes: vec![mesh],
         forms: vec![form],
         materials: vec![Material::default()],
         ..Description::default()

@@ -75,6 +75,7 @@ fn what_is_not_used_is_warned_of() {
     warns("Kd 0.1\nnewmtl m\nKd 0.2", "defined twice, the last is taken: 'm'");
     warns("illum 7\nNi 1.5\nPr 0.2", "rough glass");
     warns("Ks 0\nmap_Ks none.png", "a.mtl:3: map_Ks is multiplied by Ks, which is 0");
+    warns("Pm 1\nKs 0.9\nmap_Kd none.png", "a.mtl:4: map_Kd is not used, as the metal has the colour of Ks");
     warns("Ke 0\nmap_Ke none.png", "a.mtl:3: map_Ke is multiplied by Ke, which is 0");
     assert_eq!(material("Kd 0.1\nnewmtl m\nKd 0.2").diffuse, Vec3::splat(0.2), "the last wins");
     assert!(loaded("Ka 1 1 1\nKd 0.5\nd 0.25\nTr 0.75").warnings.is_empty(), "d and Tr agree");

@@ -120,7 +120,7 @@ fn reflectances_take_pictures() {
     };
     let gloss = |alpha, reflectance| SpecularKind::Ggx { alpha, reflectance: Vec3::splat(reflectance), schlick: false };
     for (lines, specular, textures) in [
-        ("Pm 1\nPr 0.5\nmap_Kd a.exr", gloss(0.25, 1.0), [Some(0), Some(0)]),
+        ("Pm 1\nPr 0.5\nmap_Kd a.exr", gloss(0.25, 1.0), [None, Some(0)]),
         ("Kd 0.8\nPm 0.5\nPr 0.5\nmap_Kd a.exr", gloss(0.25, 0.4), [Some(0), Some(0)]),
         ("Kd 0.5\nmap_Ks a.exr\nPr 0.5", gloss(0.25, 1.0), [None, Some(0)]),
         ("Kd 0.5\nKs 0.3\nmap_Ks a.exr\nPr 0.5", gloss(0.25, 0.3), [None, Some(0)]),

@@ -7,6 +7,7 @@ mod svg;
 mod sweep;
 mod table;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -86,6 +87,8 @@ pub(crate) fn run(args: &ChartArgs) -> Result<ExitCode, Failure> {
     for path in &args.add {
         records.extend(record::read(path)?);
     }
+    let added = records.iter().map(|record| record.scene.clone());
+    check_names(added.chain(args.scenes.iter().map(|path| scene_name(path))))?;
     fs::create_dir_all(&args.out).map_err(|error| {
         Failure::Input(format!("{}: the folder cannot be made: {error}; choose another", args.out.display()))
     })?;
@@ -126,12 +129,9 @@ impl ChartArgs {
         let mut loaded: Vec<(&Path, Subject)> = Vec::new();
         for path in &self.scenes {
             let name = scene_name(path);
-            // Their charts and references are files.
-            if let Some((_, other)) = loaded.iter().find(|(_, other)| file_name(&other.name) == file_name(&name)) {
+            if loaded.iter().any(|(_, other)| other.name == name) {
                 let path = path.display();
-                let what =
-                    format!("{path}: a second scene of the name {name}, or of one written alike, {}", other.name);
-                return Err(Failure::Input(format!("{what}; rename it")));
+                return Err(Failure::Input(format!("{path}: a second scene of the name {name}; rename it")));
             }
             loaded.push((path, Subject::load(path, name)?));
         }
@@ -245,6 +245,21 @@ fn scene_name(path: &Path) -> String {
     let folder =
         fs::canonicalize(path).ok().and_then(|path| Some(path.parent()?.file_name()?.to_string_lossy().into_owned()));
     folder.filter(|_| stem == "scene").unwrap_or(stem)
+}
+
+/// Refuses scenes whose charts, and references, would be the same file.
+fn check_names(scenes: impl Iterator<Item = String>) -> Result<(), Failure> {
+    let mut by_file: BTreeMap<String, String> = BTreeMap::new();
+    for scene in scenes {
+        // Some systems take capitals for small letters.
+        let file = file_name(&scene).to_lowercase();
+        let other = by_file.entry(file).or_insert_with(|| scene.clone());
+        if *other != scene {
+            let what = format!("the charts of the scenes {other} and {scene} would be the same file");
+            return Err(Failure::Input(format!("{what}; rename one of them")));
+        }
+    }
+    Ok(())
 }
 
 /// A name that every system takes for a file.

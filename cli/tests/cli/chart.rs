@@ -181,7 +181,7 @@ fn wrong_charts_are_refused_in_one_line() {
     scene(folder.path(), "room-1");
     for (words, named) in [
         ("chart none.toml --out a", "none.toml"),
-        ("chart room.1/scene.toml room-1/scene.toml --out a --size 4x4", "rename it"),
+        ("chart room.1/scene.toml room-1/scene.toml --out a --size 4x4", "rename one of them"),
         (
             "chart one/scene.toml one/scene.toml --out a --size 4x4 --qualities 0.004 --methods path --reference-spp 16",
             "rename it",

@@ -90,8 +90,8 @@ const MAX_ASPECT: f32 = 2.0;
 /// of the harmonic mean distance, by Ward's rule, which knows geometry alone.
 const FEW_TEXELS: f32 = 0.015;
 const WARD_SPACING: f32 = 0.3;
-/// No reach is longer, metres, also where all is infinitely far and nothing else limits it: its square is a number.
-const FARTHEST: f32 = 1e15;
+/// No reach is longer, metres, also where all is infinitely far and nothing else limits it: squares of its ratio to short ones are numbers.
+const FARTHEST: f32 = 1e10;
 /// Texels above this cosine are overhead.
 const OVERHEAD_COS: f32 = 0.95;
 /// A point with less than this share of the record's clearance, and less than its distance from the record, is in a gap that the record is not in.
@@ -359,6 +359,11 @@ mod tests {
         assert!(endless.radii[0].is_finite() && endless.distance(&open(Vec3A::X, Vec3A::Z)) < 1.0, "without a limit");
         endless.clamp_reach(2.0);
         assert!((endless.distance(&open(Vec3A::X, Vec3A::Z)) - 0.5).abs() < 1e-3, "beside one that reaches less far");
+        endless.clamp_reach(1e-6);
+        assert!(
+            (endless.distance(&open(Vec3A::X * 1e-6, Vec3A::Z)) - 1.0).abs() < 1e-3,
+            "beside one that hardly reaches"
+        );
         let dark = record(&RULES, |wi| (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z));
         let ward = dark.radii[0];
         assert!((ward - 0.45).abs() < 5e-3 && dark.radii[1] == ward, "0.3 times 1.5 times the height, not {ward}");

@@ -1,7 +1,7 @@
 //! Relative mean squared error, plain and robust, of exposed pictures.
 //!
 //! ```text
-//! e      = 0.8 / (90th percentile over the reference's pixels of (r + g + b) / 3)
+//! e      = 0.8 / (90th percentile over the reference's pixels of (r + g + b) / 3), see exposure()
 //! relMSE = mean over pixels and channels of (e I - e R)^2 / ((e R)^2 + 0.01)
 //! ```
 

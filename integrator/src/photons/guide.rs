@@ -1,6 +1,6 @@
 //! Where to aim photons: a density over the numbers from which a light makes them, learned from pilot photons.
 //!
-//! [`Lights::emit`](scene::Lights::emit) turns five uniform numbers (choice of the light, position, direction) into a photon. Of all of the
+//! [`Lights::emit_to`](scene::Lights::emit_to) turns five uniform numbers (choice of the light, position, direction) into a photon. Of all of the
 //! cube [0, 1)^5 often a small part alone leads to glass, or through a window. The cube is therefore cut in cells, as a k-d
 //! tree, wherever the pilots show that the useful ones are not spread evenly.
 //!

@@ -402,6 +402,11 @@ impl Lights {
         !self.punctual.is_empty()
     }
 
+    /// Whether some are at infinity.
+    pub(crate) fn has_distant(&self) -> bool {
+        self.near_count < self.count()
+    }
+
     pub(crate) fn has_area(&self) -> bool {
         !(self.rectangles.is_empty() && self.triangles.is_empty() && self.forms.is_empty())
     }

@@ -226,14 +226,20 @@ impl<'a> Loader<'a> {
             return self.default_material(file);
         };
         let mut material = mtl_meaning::translate(mtl, mtl_path, &mut self.warnings)?;
-        // Glass has neither a diffuse part nor holes: a picture that nothing would show may be missing.
+        // Glass has neither a diffuse part nor holes, metal no diffuse part: a picture that nothing would show may be missing.
         let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
-        if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits) {
+        let is_metal = mtl.metalness == Some(1.0);
+        if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits && !is_metal) {
             material.diffuse_texture = Some(self.picture(mtl_path, map, Use::Color)?);
         }
         let reflects = matches!(material.specular, SpecularKind::Ggx { .. } | SpecularKind::Mirror { .. });
         if let Some(map) = mtl_meaning::reflectance_map(mtl).filter(|_| reflects) {
             material.specular_texture = Some(self.picture(mtl_path, map, Use::Color)?);
+        }
+        let is_unused = is_metal && !transmits && mtl_meaning::reflectance_map(mtl) != mtl.diffuse_map.as_ref();
+        if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| is_unused) {
+            let place = Place::line(mtl_path, map.line);
+            self.warnings.add(format!("{place}: map_Kd is not used, as the metal has the colour of Ks"));
         }
         if let (Some(map), Some(Vec3::ZERO), false) = (&mtl.specular_map, mtl.specular, transmits) {
             let place = Place::line(mtl_path, map.line);

@@ -94,7 +94,7 @@ fn opaque(mtl: &MtlMaterial, diffuse: Vec3) -> (SpecularKind, Vec3) {
     let specular = specular_colour(mtl);
     let metalness = mtl.metalness.unwrap_or(0.0);
     let coloured = if specular == Vec3::ZERO { diffuse } else { specular };
-    // Between 0 and 1 `Pm` mixes the two ends, each of which keeps its energy.
+    // Between 0 and 1 `Pm` mixes the reflectances of the two ends.
     let reflectance = specular.lerp(coloured, metalness);
     let diffuse = diffuse * (1.0 - metalness);
     let alpha = match (mtl.roughness, mtl.exponent) {
