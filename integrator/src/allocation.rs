@@ -168,10 +168,10 @@ impl Allocation {
     /// s^2 / D^2 of a pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise, inf for a lone pixel.
     #[expect(clippy::cast_possible_truncation, reason = "estimates")]
     fn noise(&self, pixel: usize, width: usize, pixels: &[FirstSamples]) -> (f32, f32) {
-        let mut around = SampleNoise::default();
         if pixels.len() == 1 {
             return (0.0, f32::INFINITY);
         }
+        let mut around = SampleNoise::default();
         neighbours(pixel, width, pixels.len()).for_each(|neighbour| around.merge(&pixels[neighbour].noise));
         let unit = around.mean(self.ambient).powi(2) + self.floor_sq;
         let [all, counts] = around.variance(self.ambient).map(|variance| variance / unit);

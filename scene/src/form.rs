@@ -1,8 +1,10 @@
 //! Free forms among the triangles: from f32 rays to f64 and back.
 
+use std::borrow::Borrow;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3A};
+use freeform::Solid;
+use glam::{DAffine3, Vec2, Vec3A};
 
 use crate::body::Body;
 use crate::projection::Projector;
@@ -36,6 +38,16 @@ const POSITION_ERROR: f32 = f32::EPSILON;
 /// After a crossing that is a hole the search goes on this share of t farther.
 const STEP: f64 = 1e-9;
 
+/// Returns the body of each copy; of the solid where it stands, if there is none.
+fn bodies<P: Borrow<DAffine3>>(
+    solid: Arc<Solid>,
+    copies: impl IntoIterator<Item = P, IntoIter: ExactSizeIterator>,
+) -> impl Iterator<Item = Body> {
+    let copies = copies.into_iter();
+    let alone = (copies.len() == 0).then(|| Body::new(solid.clone()));
+    alone.into_iter().chain(copies.map(move |placement| Body::placed(solid.clone(), placement.borrow())))
+}
+
 /// Returns the box around a body; `None` where it has no end.
 fn bounds(body: &Body) -> Option<Aabb> {
     let bounds = body.bounds().map(|(min, max)| Aabb::around(min, max));
@@ -48,9 +60,7 @@ impl Form {
         let FormObject { solid, material, projection, copies, .. } = object;
         let solid = Arc::new(solid);
         let projector = projection.as_ref().map(|projection| Arc::new(Projector::new(projection)));
-        let alone = copies.is_empty().then(|| Body::new(solid.clone()));
-        let copies = copies.into_iter().map(move |placement| Body::placed(solid.clone(), &placement));
-        alone.into_iter().chain(copies).map(move |body| Self {
+        bodies(solid, copies).map(move |body| Self {
             bounds: bounds(&body),
             body,
             material,
@@ -61,10 +71,7 @@ impl Form {
 
     /// Returns the box around each copy, as that of [`Self::all`].
     pub(crate) fn bounds_of(object: &FormObject) -> impl Iterator<Item = Option<Aabb>> {
-        let solid = Arc::new(object.solid.clone());
-        let alone = object.copies.is_empty().then(|| Body::new(solid.clone()));
-        let copies = object.copies.iter().map(move |placement| Body::placed(solid.clone(), placement));
-        alone.into_iter().chain(copies).map(|body| bounds(&body))
+        bodies(Arc::new(object.solid.clone()), &object.copies).map(|body| bounds(&body))
     }
 
     /// Returns where the ray first crosses the surface, where `keep` says that it is there.

@@ -233,10 +233,11 @@ impl<'a> Loader<'a> {
             material.diffuse_texture = Some(self.picture(mtl_path, map, Use::Color)?);
         }
         let reflects = matches!(material.specular, SpecularKind::Ggx { .. } | SpecularKind::Mirror { .. });
-        if let Some(map) = mtl_meaning::reflectance_map(mtl).filter(|_| reflects) {
+        let reflectance_map = mtl_meaning::reflectance_map(mtl);
+        if let Some(map) = reflectance_map.filter(|_| reflects) {
             material.specular_texture = Some(self.picture(mtl_path, map, Use::Color)?);
         }
-        let is_unused = is_metal && !transmits && mtl_meaning::reflectance_map(mtl) != mtl.diffuse_map.as_ref();
+        let is_unused = is_metal && !transmits && reflectance_map != mtl.diffuse_map.as_ref();
         if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| is_unused) {
             let place = Place::line(mtl_path, map.line);
             self.warnings.add(format!("{place}: map_Kd is not used, as the metal has the colour of Ks"));
