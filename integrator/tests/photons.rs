@@ -181,19 +181,23 @@ fn refined_caustics_are_those_of_as_many_photons() {
 
 #[test]
 fn caustic_photons_are_aimed_at_small_glass() {
-    // A ball far from the lamp that covers 1 in 4,000 of its light.
+    // A bead far from the lamp that covers 1 in 4 million of its light.
+    let (middle, radius) = (Vec3::new(0.7, 0.5, -0.9), 0.0016f32);
     let scene = Builder::default()
         .cube_room(&lambert(0.5))
         .square(Vec3::Z * 0.99, Vec3::NEG_Z, 0.02, lamp(100.0))
-        .ball(Vec3::new(0.7, 0.5, -0.9), 0.05, glass(1.5))
+        .ball(middle, f64::from(radius), glass(1.5))
         .build();
     let counts = PhotonMaps::shoot(&scene, &settings(100_000)).caustic_counts;
     let share = counts.useful as f64 / counts.shot as f64;
-    assert!(share > 0.1, "share of use {share}");
+    assert!(share > 0.5, "share of use {share}");
     assert_balanced(&counts.balance, counts.shot, "caustic photons");
-    // Still unbiased: the flux of all shot photons is the lamp's.
-    let emitted = counts.balance.emitted.x / (100.0 * 0.0016 * std::f64::consts::PI);
-    assert!((emitted - 1.0).abs() < 0.03, "emitted {emitted}");
+    // What goes to the sphere around the ball's box, which has three times its cross-section.
+    let offset = Vec3::Z * 0.99 - middle;
+    let solid_angle = 3.0 * PI * radius * radius / offset.length_squared();
+    let expected = f64::from(100.0 * 0.0016 * offset.normalize().z * solid_angle);
+    let emitted = counts.balance.emitted.x / expected;
+    assert!((emitted - 1.0).abs() < 0.01, "emitted {emitted}");
 }
 
 #[test]

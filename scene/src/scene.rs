@@ -341,8 +341,8 @@ impl Scene {
         &self.lights
     }
 
-    /// Returns spheres around all surfaces of the materials that are wanted, for photons of lights at infinity to be sent there and nowhere else; around the
-    /// whole scene where one of these surfaces has no bounds, or no light is at infinity.
+    /// Returns spheres around all surfaces of the materials that are wanted, for photons to be sent there and nowhere else; around the whole scene where one of these
+    /// surfaces has no bounds.
     ///
     /// # Example
     ///
@@ -371,8 +371,7 @@ impl Scene {
     /// ```
     #[must_use]
     pub fn target(&self, is_wanted: impl Fn(&Material) -> bool) -> Target {
-        let has_distant = self.lights.has_distant();
-        let boxes = has_distant.then(|| boxes(&self.triangles, &self.forms, &self.materials, is_wanted)).flatten();
+        let boxes = boxes(&self.triangles, &self.forms, &self.materials, is_wanted);
         boxes.map_or_else(|| self.lights.everything().clone(), |boxes| self.lights.everything().narrowed(boxes))
     }
 

@@ -86,7 +86,7 @@ impl Photons {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FluxBalance {
-    /// Sent out by the lights; for caustics those at infinity count with what they send to spheres around mirrors and glass.
+    /// Sent out by the lights; for caustics what they send to spheres around mirrors and glass.
     pub emitted: DVec3,
     /// Lost at surfaces and in glass.
     pub absorbed: DVec3,
@@ -130,7 +130,7 @@ pub(super) struct Shot {
 #[derive(Debug)]
 pub(super) struct Shooter {
     kind: Kind,
-    /// Where lights at infinity send them: a glass on a wide floor is met by none of a million that go everywhere.
+    /// Where lights send them: a glass on a wide floor is met by none of a million that go everywhere.
     target: Target,
     guide: Guide,
 }

@@ -21,6 +21,7 @@ use hemimap::double::Frame;
 use super::areas::Areas;
 use super::pattern::Pattern;
 use super::region::Region;
+use super::target::{Aimed, Sphere, Target};
 use super::{Emission, LightSample, is_over_horizon, narrow};
 use crate::body::Body;
 use crate::mix::mixed;
@@ -174,8 +175,15 @@ impl FormLight {
     }
 
     /// Starts a photon where a random line leaves the form: one of the exits by `u_exit`. `None` where the line misses.
-    pub(super) fn emit(&self, u_exit: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
-        let line = self.line(u_position.as_dvec2(), u_direction.as_dvec2());
+    pub(super) fn emit(&self, target: &Target, u_exit: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+        let (u_position, u_direction) = (u_position.as_dvec2(), u_direction.as_dvec2());
+        let (line, share) = match target.cones(Sphere { centre: self.centre, radius: self.radius }, None) {
+            None => (self.line(u_position, u_direction), 1.0),
+            Some(cones) => {
+                let Aimed { through, direction, share } = cones.line(u_position, u_direction)?;
+                (self.line_through(through, direction), share)
+            }
+        };
         let (mut count, mut chosen, mut u) = (0.0, None, f64::from(u_exit));
         self.exits(line, |t, part| {
             // Of n exits each is kept with the probability 1/n: the i-th takes the place of those before it with 1/i, and the number is used again.
@@ -197,7 +205,7 @@ impl FormLight {
         #[expect(clippy::cast_possible_truncation, reason = "a bound is only rounded")]
         let p_error = (p.abs().max_element() * POSITION_ERROR) as f32;
         let origin = surface::offset(rounded, normal, p_error, direction);
-        let measure = narrow(self.line_measure() * count);
+        let measure = narrow(self.line_measure() * share * count);
         Some(Emission { ray: Ray::new(origin, direction), flux: self.radiance_at(&line, t, part) * measure })
     }
 
@@ -217,7 +225,13 @@ impl FormLight {
         }
         let disk = hemimap::double::square_to_disk(u_position) * self.radius;
         let frame = Frame::from_normal(direction);
-        LineRay::new(self.centre + frame.s * disk.x + frame.t * disk.y - direction * (2.0 * self.radius), direction)
+        self.line_through(self.centre + frame.s * disk.x + frame.t * disk.y, direction)
+    }
+
+    /// Returns a line through `p`, begun before the sphere.
+    fn line_through(&self, p: DVec3, direction: DVec3) -> LineRay {
+        let back = (p - self.centre).dot(direction) + 2.0 * self.radius;
+        LineRay::new(p - direction * back, direction)
     }
 
     /// Shows the places where the line leaves the form: parameter and part.

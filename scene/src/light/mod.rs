@@ -147,7 +147,7 @@ impl Lights {
         let emitters: Vec<Emitter> = (0..near_count).map(|index| lights.light(index).emitter()).collect();
         if near_count > 0 && near_count == lights.count() {
             let bounds = emitters.iter().fold(Aabb::EMPTY, |bounds, emitter| bounds.union(emitter.bounds));
-            lights.extent = Some(Sphere { centre: bounds.centre().into(), radius: bounds.radius() });
+            lights.extent = Some(Sphere::of_box(bounds));
         }
         if near_count >= LEAST_IN_TREE {
             lights.tree = Some(LightTree::new(&emitters));
@@ -238,7 +238,7 @@ impl Lights {
     #[must_use]
     pub fn cone(&self, p: Vec3A) -> Option<(Vec3A, f32)> {
         let Sphere { centre, radius } = self.extent?;
-        let offset = centre - p;
+        let (offset, radius) = (centre.as_vec3a() - p, narrow(radius));
         let distance = offset.length();
         (distance > radius).then(|| (offset / distance, (radius / distance).asin()))
     }
@@ -305,7 +305,7 @@ impl Lights {
         self.emit_to(&self.everything, u_choice, u_position, u_direction)
     }
 
-    /// As [`Self::emit`], but lights at infinity send photons to a target only: for what meets that first, the mean over photons is the same.
+    /// As [`Self::emit`], but photons are sent to a target only: for what meets that first, the mean over photons is the same.
     /// The probabilities of the lights are those of [`Self::choice_ends`] all the same. [`Scene::target`](crate::Scene::target) has an example.
     #[inline]
     #[must_use]
@@ -313,9 +313,9 @@ impl Lights {
         let (index, probability) = self.choice.sample(u_choice)?;
         let rest = || self.choice.rest(u_choice, index);
         let mut emission = match self.light(index) {
-            Light::Rectangle(light) => light.emit(u_position, u_direction),
-            Light::Triangle(light) => light.emit(u_position, u_direction),
-            Light::Form(light) => light.emit(rest(), u_position, u_direction)?,
+            Light::Rectangle(light) => light.emit(target, u_position, u_direction)?,
+            Light::Triangle(light) => light.emit(target, u_position, u_direction)?,
+            Light::Form(light) => light.emit(target, rest(), u_position, u_direction)?,
             Light::Punctual(light) => punctual::emit(light, target, rest(), u_position, u_direction)?,
             Light::Environment(light) => light.emit(target, rest(), u_position, u_direction)?,
         };
@@ -400,11 +400,6 @@ impl Lights {
 
     pub(crate) fn has_punctual(&self) -> bool {
         !self.punctual.is_empty()
-    }
-
-    /// Whether some are at infinity.
-    pub(crate) fn has_distant(&self) -> bool {
-        self.near_count < self.count()
     }
 
     pub(crate) fn has_area(&self) -> bool {

@@ -2,9 +2,10 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{DVec2, Vec2, Vec3, Vec3A};
 
-use super::{Emission, LightSample, Target, is_over_horizon};
+use super::target::{Aimed, Sphere, Target};
+use super::{Emission, LightSample, is_over_horizon, narrow};
 use crate::{PunctualLight, Ray};
 
 /// Returns the light with a unit direction.
@@ -60,8 +61,14 @@ pub(super) fn emit(
 ) -> Option<Emission> {
     match *light {
         PunctualLight::Point { position, .. } => {
-            let ray = Ray::new(position.into(), uniform_direction(u_direction));
-            Some(Emission { ray, flux: flux(light, target) })
+            let (direction, share) = match target.cones(Sphere::point(position.into()), None) {
+                None => (uniform_direction(u_direction), 1.0),
+                Some(cones) => {
+                    let Aimed { direction, share, .. } = cones.line(DVec2::ZERO, u_direction.as_dvec2())?;
+                    (direction.as_vec3a(), narrow(share))
+                }
+            };
+            Some(Emission { ray: Ray::new(position.into(), direction), flux: flux(light, target) * share })
         }
         PunctualLight::Directional { direction, irradiance } => {
             target.emission(direction.into(), irradiance, u_exit, u_position)

@@ -4,4 +4,5 @@ mod forms;
 mod many;
 mod measure;
 mod surroundings;
+mod target;
 mod triangles;
