@@ -36,7 +36,7 @@ use crate::metrics;
 use crate::sampler::hash_pair;
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
-use crate::surface_points::{PixelPoints, same_surface};
+use crate::surface_points::{PixelPoints, SurfacePoint, same_surface};
 
 /// Pixels along a side of a tile.
 const SIDE: usize = 4;
@@ -159,17 +159,17 @@ fn groups<'a, S: Secondary>(
             group.points.push((pixel, point));
             continue;
         }
-        let count = direct.plan.lobes.rays(&point.shading, 1.0);
-        let guide = direct.guide.filter(|_| direct.plan.lobes.guides(&point.shading, count));
-        groups.push(Group {
-            points: vec![(pixel, point)],
-            corners: 0,
-            guide: guide.and_then(|guide| guide.at(point.position, surface.n)),
-            count: count.next_power_of_two().clamp(2, BATCH),
-            parallax: direct.plan.lobes.parallax,
-        });
+        let parallax = direct.plan.lobes.parallax;
+        groups.push(Group { points: vec![(pixel, point)], corners: 0, guide: None, count: 0, parallax });
     }
     for group in &mut groups {
+        let rays = |(_, point): &(usize, &SurfacePoint)| direct.plan.lobes.rays(&point.shading, 1.0);
+        // As many as the point needs that needs most: a texture may make others nearly black.
+        let count = group.points.iter().map(rays).max().unwrap_or(1);
+        let (_, first) = group.points[0];
+        let guide = direct.guide.filter(|_| direct.plan.lobes.guides(&first.shading, count));
+        group.guide = guide.and_then(|guide| guide.at(first.position, first.shading.surface.n));
+        group.count = count.next_power_of_two().clamp(2, BATCH);
         group.corners = corners_first(&mut group.points, |(_, point)| point.position);
     }
     groups
