@@ -181,7 +181,7 @@ fn refined_caustics_are_those_of_as_many_photons() {
 
 #[test]
 fn caustic_photons_are_aimed_at_small_glass() {
-    // A bead far from the lamp that covers 1 in 4 million of its light.
+    // A bead far from the lamp that covers 1 in 2 million of its light.
     let (middle, radius) = (Vec3::new(0.7, 0.5, -0.9), 0.0016f32);
     let scene = Builder::default()
         .cube_room(&lambert(0.5))

@@ -341,8 +341,8 @@ impl Scene {
         &self.lights
     }
 
-    /// Returns spheres around all surfaces of the materials that are wanted, for photons to be sent there and nowhere else; around the whole scene where one of these
-    /// surfaces has no bounds.
+    /// Returns spheres around all surfaces of the materials that are wanted, for photons to be sent there; around the whole scene where one of these surfaces has no
+    /// bounds.
     ///
     /// # Example
     ///

@@ -17,7 +17,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Lobes, Material, Ray, Scene, Surface, Target};
+use scene::{Emission, Lobes, Material, Ray, Scene, Surface, Target};
 use serde::{Deserialize, Serialize};
 
 use super::guide::{Aim, DIMENSIONS, Guide, Pilot, parts, useful};
@@ -86,7 +86,7 @@ impl Photons {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FluxBalance {
-    /// Sent out by the lights; for caustics what they send to spheres around mirrors and glass.
+    /// Sent out by the lights; for caustics, of what they send to spheres around mirrors and glass, that alone.
     pub emitted: DVec3,
     /// Lost at surfaces and in glass.
     pub absorbed: DVec3,
@@ -175,10 +175,12 @@ impl Shooter {
         let mut shot = Shot::default();
         let mut pilots = Vec::new();
         for index in indices {
-            if let Some(Start { u, density, ray, flux }) = self.start(scene, aim, index, 1.0) {
+            let Start { u, density, photon } = self.start(scene, aim, index, 1.0);
+            let score = photon.map_or(0.0, |(ray, flux)| {
                 let kept = shot.follow(scene, self.kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
-                pilots.push(Pilot { u, density, score: f64::from(flux.max_element()) * f64::from(kept) });
-            }
+                f64::from(flux.max_element()) * f64::from(kept)
+            });
+            pilots.push(Pilot { u, density, score });
         }
         (pilots, shot.rays)
     }
@@ -193,7 +195,7 @@ impl Shooter {
         let shots = blocks(count, |indices| {
             let mut shot = Shot::default();
             for index in indices {
-                if let Some(Start { ray, flux, .. }) = self.start(scene, &aim, index, scale) {
+                if let Some((ray, flux)) = self.start(scene, &aim, index, scale).photon {
                     let kept = shot.follow(scene, self.kind, ray, flux, &mut Rng::new(seed, u64::from(index)));
                     shot.useful += u64::from(kept > 0);
                 }
@@ -211,13 +213,13 @@ impl Shooter {
     }
 
     /// Starts photon number `index`, its flux times `scale`.
-    fn start(&self, scene: &Scene, aim: &Aim<'_>, index: u32, scale: f32) -> Option<Start> {
+    fn start(&self, scene: &Scene, aim: &Aim<'_>, index: u32, scale: f32) -> Start {
         let (u, density) = aim.numbers(index);
         let [choice, x, y, z, w] = u;
-        let emission = scene.lights().emit_to(&self.target, choice, Vec2::new(x, y), Vec2::new(z, w))?;
-        let flux = emission.flux * (scale / density);
-        let ray = Ray { media: scene.media_at(emission.ray.origin), ..emission.ray };
-        (flux.is_finite() && flux != Vec3::ZERO).then_some(Start { u, density, ray, flux })
+        let emission = scene.lights().emit_to(&self.target, choice, Vec2::new(x, y), Vec2::new(z, w));
+        let photon = emission
+            .map(|Emission { ray, flux }| (Ray { media: scene.media_at(ray.origin), ..ray }, flux * (scale / density)));
+        Start { u, density, photon: photon.filter(|(_, flux)| flux.is_finite() && *flux != Vec3::ZERO) }
     }
 }
 
@@ -235,8 +237,8 @@ struct Start {
     u: [f32; DIMENSIONS],
     /// Their density.
     density: f32,
-    ray: Ray,
-    flux: Vec3,
+    /// `None` where they make none.
+    photon: Option<(Ray, Vec3)>,
 }
 
 impl Shot {

@@ -141,9 +141,9 @@ impl EnvironmentLight {
         share / self.bands[row].cell_solid_angle
     }
 
-    pub(super) fn emit(&self, target: &Target, u_exit: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+    pub(super) fn emit(&self, target: &Target, u_sphere: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let sample = self.sample_at(self.direction(u_direction), 1.0)?;
-        target.emission(-sample.wi, sample.radiance / sample.pdf, u_exit, u_position)
+        target.emission(-sample.wi, sample.radiance / sample.pdf, u_sphere, u_position)
     }
 
     /// Returns the memory held, bytes.

@@ -175,16 +175,16 @@ impl FormLight {
     }
 
     /// Starts a photon where a random line leaves the form: one of the exits by `u_exit`. `None` where the line misses.
-    pub(super) fn emit(&self, target: &Target, u_exit: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
-        let (u_position, u_direction) = (u_position.as_dvec2(), u_direction.as_dvec2());
-        let (line, share) = match target.cones(Sphere { centre: self.centre, radius: self.radius }, None) {
-            None => (self.line(u_position, u_direction), 1.0),
+    pub(super) fn emit(&self, target: &Target, u: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+        let (u, u_position, u_direction) = (f64::from(u), u_position.as_dvec2(), u_direction.as_dvec2());
+        let (line, share, mut u) = match target.cones(Sphere { centre: self.centre, radius: self.radius }, None) {
+            None => (self.line(u_position, u_direction), 1.0, u),
             Some(cones) => {
-                let Aimed { through, direction, share } = cones.line(u_position, u_direction)?;
-                (self.line_through(through, direction), share)
+                let Aimed { through, direction, share, rest } = cones.line(u, u_position, u_direction)?;
+                (self.line_through(through, direction), share, rest)
             }
         };
-        let (mut count, mut chosen, mut u) = (0.0, None, f64::from(u_exit));
+        let (mut count, mut chosen) = (0.0, None);
         self.exits(line, |t, part| {
             // Of n exits each is kept with the probability 1/n: the i-th takes the place of those before it with 1/i, and the number is used again.
             count += 1.0;

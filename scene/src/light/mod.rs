@@ -305,7 +305,7 @@ impl Lights {
         self.emit_to(&self.everything, u_choice, u_position, u_direction)
     }
 
-    /// As [`Self::emit`], but photons are sent to a target only: for what meets that first, the mean over photons is the same.
+    /// As [`Self::emit`], but lights at infinity, and lamps as far as that is of use, send photons to a target only: for what meets that first, the mean over photons is the same.
     /// The probabilities of the lights are those of [`Self::choice_ends`] all the same. [`Scene::target`](crate::Scene::target) has an example.
     #[inline]
     #[must_use]
@@ -313,8 +313,8 @@ impl Lights {
         let (index, probability) = self.choice.sample(u_choice)?;
         let rest = || self.choice.rest(u_choice, index);
         let mut emission = match self.light(index) {
-            Light::Rectangle(light) => light.emit(target, u_position, u_direction)?,
-            Light::Triangle(light) => light.emit(target, u_position, u_direction)?,
+            Light::Rectangle(light) => light.emit(target, rest(), u_position, u_direction)?,
+            Light::Triangle(light) => light.emit(target, rest(), u_position, u_direction)?,
             Light::Form(light) => light.emit(target, rest(), u_position, u_direction)?,
             Light::Punctual(light) => punctual::emit(light, target, rest(), u_position, u_direction)?,
             Light::Environment(light) => light.emit(target, rest(), u_position, u_direction)?,

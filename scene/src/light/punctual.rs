@@ -55,7 +55,7 @@ pub(super) fn sample(light: &PunctualLight, p: Vec3A, n: Vec3A, probability: f32
 pub(super) fn emit(
     light: &PunctualLight,
     target: &Target,
-    u_exit: f32,
+    u_sphere: f32,
     u_position: Vec2,
     u_direction: Vec2,
 ) -> Option<Emission> {
@@ -64,14 +64,15 @@ pub(super) fn emit(
             let (direction, share) = match target.cones(Sphere::point(position.into()), None) {
                 None => (uniform_direction(u_direction), 1.0),
                 Some(cones) => {
-                    let Aimed { direction, share, .. } = cones.line(DVec2::ZERO, u_direction.as_dvec2())?;
+                    let Aimed { direction, share, .. } =
+                        cones.line(u_sphere.into(), DVec2::ZERO, u_direction.as_dvec2())?;
                     (direction.as_vec3a(), narrow(share))
                 }
             };
             Some(Emission { ray: Ray::new(position.into(), direction), flux: flux(light, target) * share })
         }
         PunctualLight::Directional { direction, irradiance } => {
-            target.emission(direction.into(), irradiance, u_exit, u_position)
+            target.emission(direction.into(), irradiance, u_sphere, u_position)
         }
     }
 }

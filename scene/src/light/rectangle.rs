@@ -117,10 +117,10 @@ impl RectangleLight {
         self.seen_from(p).map_or(0.0, |seen| seen.pdf(wi, surface.p.distance_squared(p)))
     }
 
-    pub(super) fn emit(&self, target: &Target, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+    pub(super) fn emit(&self, target: &Target, u_sphere: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let Aabb { min, max } = self.bounds();
         let largest = min.abs().max(max.abs()).into();
-        leave((self.point(u_position), self.normal), largest, target, u_direction, self.flux())
+        leave(self.point(u_position), self.normal, largest, target, u_sphere, u_direction, self.flux())
     }
 
     /// Returns the rectangle as seen from `p` where it is to be sampled by solid angle.

@@ -111,10 +111,10 @@ impl TriangleLight {
         }
     }
 
-    pub(super) fn emit(&self, target: &Target, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+    pub(super) fn emit(&self, target: &Target, u_sphere: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let radiance = self.radiance_at(|| barycentrics(u_position));
         let p = self.point(u_position);
-        leave((p, self.normal), largest(&self.corners), target, u_direction, radiance * (PI * self.area))
+        leave(p, self.normal, largest(&self.corners), target, u_sphere, u_direction, radiance * (PI * self.area))
     }
 
     /// Returns a point that is uniform over the area.
@@ -182,28 +182,30 @@ fn position_error(normal: Vec3A, largest: Vec3A) -> f32 {
     largest.dot(normal.abs()) * POSITION_ERROR
 }
 
-/// Starts a photon at a point of a flat light whose coordinates are at most `largest`, towards the target: in a direction of density cos(theta) / pi, with this flux, where
-/// that may be any.
+/// Starts a photon of a flat light, whose coordinates are at most `largest`, at its point `p`: towards the target, or in a direction of density cos(theta) / pi. The
+/// flux is what all photons carry that go anywhere.
 pub(super) fn leave(
-    (p, normal): (Vec3A, Vec3A),
+    p: Vec3A,
+    normal: Vec3A,
     largest: Vec3A,
     target: &Target,
+    u_sphere: f32,
     u_direction: Vec2,
     flux: Vec3,
 ) -> Option<Emission> {
-    let (direction, share) = match target.cones(Sphere::point(p), Some(normal.as_dvec3())) {
+    let origin = surface::offset(p, normal, position_error(normal, largest), normal);
+    let (direction, share) = match target.cones(Sphere::point(origin), Some(normal.as_dvec3())) {
         None => {
             let frame = hemimap::Frame::from_normal(normal);
             (frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction)), 1.0)
         }
         Some(cones) => {
-            let Aimed { direction, share, .. } = cones.line(DVec2::ZERO, u_direction.as_dvec2())?;
+            let Aimed { direction, share, .. } = cones.line(u_sphere.into(), DVec2::ZERO, u_direction.as_dvec2())?;
             let direction = direction.as_vec3a();
             // Of cos(theta) / pi and of 1 / 4 pi the former is so many times the latter.
             (direction, 4.0 * normal.dot(direction) * narrow(share))
         }
     };
-    let origin = surface::offset(p, normal, position_error(normal, largest), direction);
     (share > 0.0).then(|| Emission { ray: Ray::new(origin, direction), flux: flux * share })
 }
 
