@@ -20,8 +20,8 @@ const WORTH: f64 = 0.7;
 const MARGIN: f64 = 1e-5;
 /// Lamps send photons into cones where these are no more than this share of all directions. From 0.1 to 0.6 the noise of caustics is about the same.
 const MOST_DIRECTIONS: f64 = 0.3;
-/// So much of all photons is dealt by the size of spheres, the rest evenly: what is small gets enough to be noticed.
-const BY_SIZE: f64 = 0.5;
+/// So much of all photons is dealt by the size of spheres, the rest evenly: what is small gets enough to be noticed, and photons of the large ones carry about alike.
+const BY_SIZE: f64 = 0.9;
 
 /// A sphere around something.
 #[derive(Debug, Clone, Copy)]
