@@ -112,11 +112,13 @@ impl Target {
         for sphere in &self.spheres {
             let offset = sphere.centre - lamp.centre;
             let is_below = normal.is_some_and(|normal| offset.dot(normal) <= -sphere.radius);
-            // Of the directions to the sphere, and of the lamp's cross-section.
-            let share = |sphere: &Sphere| {
-                0.5 * cone_height(offset, sphere.radius + lamp.radius) * (sphere.radius / lamp.radius).min(1.0).powi(2)
+            let share = if is_below {
+                0.0
+            } else {
+                // Of the directions to the sphere, and of the lamp's cross-section.
+                let directions = 0.5 * cone_height(offset, sphere.radius + lamp.radius);
+                directions * (sphere.radius / lamp.radius).min(1.0).powi(2)
             };
-            let share = if is_below { 0.0 } else { share(sphere) };
             total += share;
             seen += usize::from(!is_below);
             if total > MOST_DIRECTIONS {
