@@ -86,7 +86,7 @@ impl Photons {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FluxBalance {
-    /// Sent out by the lights; for caustics, of what they send to spheres around mirrors and glass, that alone.
+    /// Sent out by the lights; for caustics only to the spheres around mirrors and glass, where lights aim at these.
     pub emitted: DVec3,
     /// Lost at surfaces and in glass.
     pub absorbed: DVec3,

@@ -174,7 +174,7 @@ impl FormLight {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// Starts a photon where a random line leaves the form: one of the exits by `u_exit`. `None` where the line misses.
+    /// Starts a photon where a random line leaves the form: towards the target. `u` chooses a sphere of that, and one of the exits. `None` where the line misses.
     pub(super) fn emit(&self, target: &Target, u: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (u, u_position, u_direction) = (f64::from(u), u_position.as_dvec2(), u_direction.as_dvec2());
         let (line, share, mut u) = match target.cones(Sphere { centre: self.centre, radius: self.radius }, None) {

@@ -311,6 +311,7 @@ impl Lights {
     #[must_use]
     pub fn emit_to(&self, target: &Target, u_choice: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (index, probability) = self.choice.sample(u_choice)?;
+        // Of one among very many lights it has few digits left: what that chooses is right in the mean over these lights.
         let rest = || self.choice.rest(u_choice, index);
         let mut emission = match self.light(index) {
             Light::Rectangle(light) => light.emit(target, rest(), u_position, u_direction)?,

@@ -16,8 +16,9 @@ const MAX_HALVINGS: u32 = 6;
 const MAX_SPHERES: usize = 1 << MAX_HALVINGS;
 /// Spheres around parts take the place of one around all where their cross-sections together are less than this share of that one's.
 const WORTH: f64 = 0.7;
-/// What rounding may take from a radius is less than this share of it.
+/// What rounding may take from a radius is less than this share of it, and this share of the coordinates.
 const MARGIN: f64 = 1e-5;
+const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 /// Lamps send photons into cones where these are no more than this share of all directions. From 0.1 to 0.6 the noise of caustics is about the same.
 const MOST_DIRECTIONS: f64 = 0.3;
 /// So much of all photons is dealt by the size of spheres, the rest evenly: what is small gets enough to be noticed, and photons of the large ones carry about alike.
@@ -36,10 +37,13 @@ pub(super) struct Sphere {
 /// its way crosses several spheres, each of them might have sent it: its density is the sum of theirs.
 #[derive(Debug, Clone)]
 pub struct Target {
+    /// For lamps.
     spheres: Vec<Sphere>,
-    /// Over the spheres, for light from infinity.
+    /// For light from infinity: a little wider, for its photons start where the coordinates of the whole scene are rounded.
+    wide: Vec<Sphere>,
+    /// Over the wide ones.
     choice: Choice,
-    /// All cross-sections together, m^2.
+    /// All of their cross-sections together, m^2.
     cross_section: f64,
     /// Around all of the scene that has bounds: photons from infinity start before it.
     scene: Sphere,
@@ -57,22 +61,21 @@ impl Target {
 
     /// Makes a target of a part of the scene from the boxes around it.
     pub(crate) fn narrowed(&self, mut boxes: Vec<Aabb>) -> Self {
-        /// Photons start where rounding puts them: so many units in the last place of the scene's coordinates from where they should.
-        const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
         let mut spheres = Vec::new();
         if !boxes.is_empty() {
             cover(&mut boxes, MAX_HALVINGS, &mut spheres);
         }
-        let rounding = ROUNDING * (self.scene.centre.abs().max_element() + self.scene.radius);
-        spheres.iter_mut().for_each(|sphere| sphere.radius += rounding);
         Self::new(spheres, self.scene, false)
     }
 
     fn new(spheres: Vec<Sphere>, scene: Sphere, is_everything: bool) -> Self {
-        let cross_section = spheres.iter().map(Sphere::cross_section).sum();
-        let count = spheres.len();
-        let choice = Choice::new(spheres.iter().map(|sphere| chance(sphere.cross_section(), cross_section, count)));
-        Self { spheres, choice, cross_section, scene, is_everything }
+        let rounding = ROUNDING * (scene.centre.abs().max_element() + scene.radius);
+        let wide: Vec<Sphere> =
+            spheres.iter().map(|sphere| Sphere { radius: sphere.radius + rounding, ..*sphere }).collect();
+        let cross_section = wide.iter().map(Sphere::cross_section).sum();
+        let chance = |sphere: &Sphere| chance(sphere.cross_section(), cross_section, wide.len());
+        let choice = Choice::new(wide.iter().map(chance));
+        Self { spheres, wide, choice, cross_section, scene, is_everything }
     }
 
     /// Returns all cross-sections together, m^2.
@@ -90,12 +93,12 @@ impl Target {
     ) -> Option<Emission> {
         let (chosen, _) = self.choice.sample(u_sphere)?;
         let way = direction.as_dvec3();
-        let through = self.spheres[chosen].cross(way, u_position.as_dvec2());
+        let through = self.wide[chosen].cross(way, u_position.as_dvec2());
         let density = |(i, sphere): (usize, &Sphere)| {
             let may_send = i == chosen || sphere.is_crossed(through, way);
             if may_send { f64::from(self.choice.probability(i)) / sphere.cross_section() } else { 0.0 }
         };
-        let density: f64 = self.spheres.iter().enumerate().map(density).sum();
+        let density: f64 = self.wide.iter().enumerate().map(density).sum();
         // As far before the middle of the scene as its sphere is wide: its front, and a little that rounding cannot use up.
         let back = (through - self.scene.centre).dot(way) + 2.0 * self.scene.radius;
         let ray = Ray::new((through - way * back).as_vec3a(), direction);
@@ -217,7 +220,8 @@ impl Sphere {
         let centre = all.centre();
         let farthest = |b: &Aabb| (b.max - centre).max(centre - b.min).length();
         let radius = boxes.iter().map(farthest).fold(0.0, f32::max);
-        Self { centre: centre.as_dvec3(), radius: f64::from(radius) * (1.0 + MARGIN) }
+        let rounding = ROUNDING * f64::from(centre.abs().max_element());
+        Self { centre: centre.as_dvec3(), radius: f64::from(radius) * (1.0 + MARGIN) + rounding }
     }
 
     fn cross_section(&self) -> f64 {
