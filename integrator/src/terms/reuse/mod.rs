@@ -144,35 +144,37 @@ fn groups<'a, S: Secondary>(
     let (right, bottom) = ((left + SIDE).min(width), (top + SIDE).min(pixels.len() / width));
     let in_tile = (top..bottom).flat_map(|y| (left..right).map(move |x| y * width + x));
     let points = in_tile.flat_map(|pixel| pixels[pixel].points.iter().map(move |point| (pixel, point)));
-    let mut groups: Vec<Group<'a>> = Vec::new();
+    let mut groups: Vec<Vec<(usize, &SurfacePoint)>> = Vec::new();
     for (pixel, point) in points.filter(|(_, point)| point.lobe_weight != Vec3::ZERO) {
         let Shading { surface, .. } = &point.shading;
         let same = groups.iter_mut().find(|group| {
-            let (_, first) = group.points[0];
+            let (_, first) = group[0];
             // Where black texels of the diffuse part make the one lobe traced and the other not, they have nothing in common.
             let both = [first, point].map(|point| direct.plan.lobes.traces(&point.shading));
             // Normals that differ by more than the width of the lobe see other things.
             let is_level = first.shading.surface.n.dot(surface.n) >= 1.0 - 0.5 * first.shading.lobe_alpha().powi(2);
             both[0] == both[1] && is_level && same_surface(&first.shading.surface, surface, TOLERANCE * surface.t)
         });
-        if let Some(group) = same {
-            group.points.push((pixel, point));
-            continue;
+        match same {
+            Some(group) => group.push((pixel, point)),
+            None => groups.push(vec![(pixel, point)]),
         }
-        let parallax = direct.plan.lobes.parallax;
-        groups.push(Group { points: vec![(pixel, point)], corners: 0, guide: None, count: 0, parallax });
     }
-    for group in &mut groups {
-        let rays = |(_, point): &(usize, &SurfacePoint)| direct.plan.lobes.rays(&point.shading, 1.0);
+    let group = |mut points: Vec<(usize, &'a SurfacePoint)>| {
+        let lobes = &direct.plan.lobes;
         // As many as the point needs that needs most: a texture may make others nearly black.
-        let count = group.points.iter().map(rays).max().unwrap_or(1);
-        let (_, first) = group.points[0];
-        let guide = direct.guide.filter(|_| direct.plan.lobes.guides(&first.shading, count));
-        group.guide = guide.and_then(|guide| guide.at(first.position, first.shading.surface.n));
-        group.count = count.next_power_of_two().clamp(2, BATCH);
-        group.corners = corners_first(&mut group.points, |(_, point)| point.position);
-    }
-    groups
+        let count = points.iter().map(|(_, point)| lobes.rays(&point.shading, 1.0)).max().unwrap_or(1);
+        let (_, first) = points[0];
+        let guide = direct.guide.filter(|_| lobes.guides(&first.shading, count));
+        Group {
+            corners: corners_first(&mut points, |(_, point)| point.position),
+            points,
+            guide: guide.and_then(|guide| guide.at(first.position, first.shading.surface.n)),
+            count: count.next_power_of_two().clamp(2, BATCH),
+            parallax: lobes.parallax,
+        }
+    };
+    groups.into_iter().map(group).collect()
 }
 
 /// Puts the points first that lie farthest towards the corners of the tile, and returns how many these are.
