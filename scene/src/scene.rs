@@ -255,21 +255,21 @@ impl Scene {
         if let Some(noise) = &material.noise {
             diffuse *= noise.color(surface.p);
         }
+        let coated = |reflectance: Vec3, specular: Specular, always_reflects: bool| {
+            // Where a texture is black there is nothing to look after.
+            let reflects = always_reflects || reflectance != Vec3::ZERO;
+            let specular = if reflects { specular } else { Specular::None };
+            Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular }
+        };
         match material.specular {
             SpecularKind::None => Bsdf { diffuse, specular: Specular::None },
-            SpecularKind::Ggx { reflectance, .. } | SpecularKind::Mirror { reflectance } => {
+            SpecularKind::Ggx { alpha, reflectance, schlick } => {
                 let reflectance = textured(reflectance, material.specular_texture);
-                let specular = match material.specular {
-                    // Where a texture is black there is nothing to look after.
-                    SpecularKind::Ggx { schlick: false, .. } | SpecularKind::Mirror { .. }
-                        if reflectance == Vec3::ZERO =>
-                    {
-                        Specular::None
-                    }
-                    SpecularKind::Ggx { alpha, schlick, .. } => Specular::Ggx { alpha, reflectance, schlick },
-                    _ => Specular::Mirror { reflectance },
-                };
-                Bsdf { diffuse: diffuse * (Vec3::ONE - reflectance), specular }
+                coated(reflectance, Specular::Ggx { alpha, reflectance, schlick }, schlick)
+            }
+            SpecularKind::Mirror { reflectance } => {
+                let reflectance = textured(reflectance, material.specular_texture);
+                coated(reflectance, Specular::Mirror { reflectance }, false)
             }
             SpecularKind::Dielectric { ior, tint, .. } => {
                 let eta = match surface.medium {

@@ -16,7 +16,6 @@ use std::sync::Arc;
 
 use freeform::{Crossing, Ray as LineRay, Solid};
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3A};
-use hemimap::double::Frame;
 
 use super::areas::Areas;
 use super::pattern::Pattern;
@@ -33,9 +32,8 @@ use crate::{Aabb, Ray, surface};
 pub(crate) struct FormLight {
     pub(super) body: Body,
     region: Region,
-    /// A sphere around the form.
-    centre: DVec3,
-    radius: f64,
+    /// Around the form.
+    sphere: Sphere,
     /// m^2; of what is no ball right to about a hundredth.
     pub(super) area: f64,
     /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean; what it is multiplied by where there is a pattern.
@@ -68,14 +66,15 @@ impl FormLight {
     pub(crate) fn new(body: &Body, emission: Vec3, opacity: f32, primitive: u32, areas: &mut Areas) -> Option<Self> {
         let (min, max) = body.bounds()?;
         let ellipsoid = ellipsoid(body.solid()).map(|to_unit| body.world_to_local().map_or(to_unit, |m| to_unit * *m));
-        let centre = 0.5 * (min + max);
         let ball = ellipsoid.and_then(|to_unit| ball_radius(to_unit.matrix3));
         let mut light = Self {
             body: body.clone(),
             region: ellipsoid.map_or(Region::Box { min, max }, Region::Ellipsoid),
-            centre,
-            // A little more than the ball, for what rounding takes.
-            radius: ball.map_or(0.5 * (max - min).length(), |radius| radius * (1.0 + 1e-9)),
+            sphere: Sphere {
+                centre: 0.5 * (min + max),
+                // A little more than the ball, for what rounding takes.
+                radius: ball.map_or(0.5 * (max - min).length(), |radius| radius * (1.0 + 1e-9)),
+            },
             area: 0.0,
             radiance: emission * opacity,
             is_pierced: opacity < 1.0,
@@ -116,7 +115,8 @@ impl FormLight {
 
     /// Returns a box around it.
     pub(super) fn bounds(&self) -> Aabb {
-        Aabb::around(self.centre - self.radius, self.centre + self.radius)
+        let Sphere { centre, radius } = self.sphere;
+        Aabb::around(centre - radius, centre + radius)
     }
 
     #[inline]
@@ -162,7 +162,7 @@ impl FormLight {
                 }
                 bits = mixed(bits);
             }
-            ray.t_min = crossing.t + STEP * self.radius;
+            ray.t_min = crossing.t + STEP * self.sphere.radius;
         }
         chosen.map(|crossing| (crossing, count as f32))
     }
@@ -177,7 +177,7 @@ impl FormLight {
     /// Starts a photon where a random line leaves the form: towards the target. `u` chooses a sphere of that, and one of the exits. `None` where the line misses.
     pub(super) fn emit(&self, target: &Target, u: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (u, u_position, u_direction) = (f64::from(u), u_position.as_dvec2(), u_direction.as_dvec2());
-        let (line, share, mut u) = match target.cones(Sphere { centre: self.centre, radius: self.radius }, None) {
+        let (line, share, mut u) = match target.cones(self.sphere, None) {
             None => (self.line(u_position, u_direction), 1.0, u),
             Some(cones) => {
                 let Aimed { through, direction, share, rest } = cones.line(u, u_position, u_direction)?;
@@ -211,7 +211,7 @@ impl FormLight {
 
     /// Measure of the lines through the sphere, m^2 sr.
     fn line_measure(&self) -> f64 {
-        4.0 * PI * PI * self.radius * self.radius
+        4.0 * PI * PI * self.sphere.radius * self.sphere.radius
     }
 
     /// Returns a random line through the sphere around the form.
@@ -223,14 +223,12 @@ impl FormLight {
         if below {
             direction.z = -direction.z;
         }
-        let disk = hemimap::double::square_to_disk(u_position) * self.radius;
-        let frame = Frame::from_normal(direction);
-        self.line_through(self.centre + frame.s * disk.x + frame.t * disk.y, direction)
+        self.line_through(self.sphere.cross(direction, u_position), direction)
     }
 
     /// Returns a line through `p`, begun before the sphere.
     fn line_through(&self, p: DVec3, direction: DVec3) -> LineRay {
-        let back = (p - self.centre).dot(direction) + 2.0 * self.radius;
+        let back = (p - self.sphere.centre).dot(direction) + 2.0 * self.sphere.radius;
         LineRay::new(p - direction * back, direction)
     }
 
@@ -240,7 +238,7 @@ impl FormLight {
             if !crossing.entering {
                 visit(crossing.t, crossing.part);
             }
-            line.t_min = crossing.t + STEP * self.radius;
+            line.t_min = crossing.t + STEP * self.sphere.radius;
         }
     }
 

@@ -2,10 +2,10 @@
 
 use std::f32::consts::PI;
 
-use glam::{DVec2, Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 
-use super::target::{Aimed, Sphere, Target};
-use super::{Emission, LightSample, is_over_horizon, narrow};
+use super::target::{Sphere, Target};
+use super::{Emission, LightSample, is_over_horizon};
 use crate::{PunctualLight, Ray};
 
 /// Returns the light with a unit direction.
@@ -63,11 +63,7 @@ pub(super) fn emit(
         PunctualLight::Point { position, .. } => {
             let (direction, share) = match target.cones(Sphere::point(position.into()), None) {
                 None => (uniform_direction(u_direction), 1.0),
-                Some(cones) => {
-                    let Aimed { direction, share, .. } =
-                        cones.line(u_sphere.into(), DVec2::ZERO, u_direction.as_dvec2())?;
-                    (direction.as_vec3a(), narrow(share))
-                }
+                Some(cones) => cones.direction(u_sphere, u_direction)?,
             };
             Some(Emission { ray: Ray::new(position.into(), direction), flux: flux(light, target) * share })
         }

@@ -89,18 +89,32 @@ fn uniform_direction(u: f64, v: f64) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-/// The cone of directions to a ball of radius 1, around z.
-struct Cone {
+/// The cone of directions to a ball, around z.
+pub(super) struct Cone {
     /// 1 less the cosine of its half-angle.
-    depth: f64,
+    pub(super) depth: f64,
 }
 
 impl Cone {
-    /// `None` within the ball.
+    /// All directions.
+    pub(super) const WHOLE: Self = Self { depth: 2.0 };
+
+    /// To a ball of radius 1; `None` within it.
     fn new(distance: f64) -> Option<Self> {
-        let sin_sq = distance.powi(-2);
+        Self::of_sine(distance.powi(-2))
+    }
+
+    /// By the square of the sine of the half-angle; `None` where that is from 1 on.
+    pub(super) fn of_sine(sin_sq: f64) -> Option<Self> {
         // 1 - cos, without cancellation for far balls.
         (sin_sq < 1.0).then(|| Self { depth: sin_sq / (1.0 + (1.0 - sin_sq).sqrt()) })
+    }
+
+    /// Returns the direction to which a point of the unit disk is mapped; equal areas become equal solid angles.
+    pub(super) fn at(&self, disk: DVec2) -> DVec3 {
+        let below = disk.length_squared() * self.depth;
+        let across = disk * (self.depth * (2.0 - below)).sqrt();
+        DVec3::new(across.x, across.y, 1.0 - below)
     }
 
     fn pdf(&self) -> f64 {

@@ -8,6 +8,7 @@ use hemimap::double;
 
 use super::Emission;
 use super::choice::Choice;
+use super::region::Cone;
 use crate::bounds::narrow;
 use crate::{Aabb, Ray};
 
@@ -111,7 +112,7 @@ impl Target {
         if self.is_everything {
             return None;
         }
-        let (mut total, mut seen, mut shares) = (0.0, 0, ArrayVec::new());
+        let (mut total, mut shares) = (0.0, ArrayVec::<f64, MAX_SPHERES>::new());
         for sphere in &self.spheres {
             let offset = sphere.centre - lamp.centre;
             let is_below = normal.is_some_and(|normal| offset.dot(normal) <= -sphere.radius);
@@ -119,16 +120,16 @@ impl Target {
                 0.0
             } else {
                 // Of the directions to the sphere, and of the lamp's cross-section.
-                let directions = 0.5 * cone_height(offset, sphere.radius + lamp.radius);
+                let directions = 0.5 * cone(offset, sphere.radius + lamp.radius).depth;
                 directions * (sphere.radius / lamp.radius).min(1.0).powi(2)
             };
             total += share;
-            seen += usize::from(!is_below);
             if total > MOST_DIRECTIONS {
                 return None;
             }
             shares.push(share);
         }
+        let seen = shares.iter().filter(|share| **share > 0.0).count();
         Some(Cones { target: self, lamp, shares, total, seen })
     }
 }
@@ -164,12 +165,15 @@ pub(super) struct Aimed {
 }
 
 impl Cones<'_> {
-    /// Chooses a line that crosses one of the spheres; `u_position` matters to lamps with extent alone. `None` counts as one that meets nothing.
+    /// Chooses a line that crosses one of the spheres; `u_position` matters to a lamp with extent alone. `None` counts as one that meets nothing.
     pub(super) fn line(&self, u_sphere: f64, u_position: DVec2, u_direction: DVec2) -> Option<Aimed> {
         let Self { target, lamp, .. } = self;
         let (chosen, rest) = self.choose(u_sphere)?;
         let sphere = &target.spheres[chosen];
-        let direction = in_cone(sphere.centre - lamp.centre, sphere.radius + lamp.radius, u_direction);
+        let offset = sphere.centre - lamp.centre;
+        let local = cone(offset, sphere.radius + lamp.radius).at(double::square_to_disk(u_direction));
+        let direction =
+            double::Frame::from_normal(offset.try_normalize().unwrap_or(DVec3::Z)).to_world(local).normalize();
 
         // Through the smaller one; it may miss the other.
         let is_smaller = sphere.radius < lamp.radius;
@@ -186,6 +190,12 @@ impl Cones<'_> {
         };
         let density: f64 = target.spheres.iter().enumerate().map(density).sum();
         Some(Aimed { through, direction, share: 1.0 / density, rest })
+    }
+
+    /// Chooses a direction from a point, as [`Self::line`]; and its share.
+    pub(super) fn direction(&self, u_sphere: f32, u: Vec2) -> Option<(Vec3A, f32)> {
+        let Aimed { direction, share, .. } = self.line(u_sphere.into(), DVec2::ZERO, u.as_dvec2())?;
+        Some((direction.as_vec3a(), narrow(share)))
     }
 
     /// Returns the sphere that `u` in [0, 1) chooses, and what is left of it.
@@ -229,7 +239,7 @@ impl Sphere {
     }
 
     /// Returns a point of its cross-section at right angles to a direction.
-    fn cross(&self, direction: DVec3, u: DVec2) -> DVec3 {
+    pub(super) fn cross(&self, direction: DVec3, u: DVec2) -> DVec3 {
         let frame = double::Frame::from_normal(direction);
         let disk = double::square_to_disk(u) * self.radius;
         self.centre + frame.s * disk.x + frame.t * disk.y
@@ -242,21 +252,9 @@ impl Sphere {
     }
 }
 
-/// Returns 1 - cos of half the angle of the cone around a sphere at `offset`; 2 from within.
-fn cone_height(offset: DVec3, radius: f64) -> f64 {
-    let sin_sq = radius * radius / offset.length_squared();
-    if sin_sq < 1.0 { sin_sq / (1.0 + (1.0 - sin_sq).sqrt()) } else { 2.0 }
-}
-
-/// Returns a direction that is uniform over this cone.
-fn in_cone(offset: DVec3, radius: f64, u: DVec2) -> DVec3 {
-    let disk = double::square_to_disk(u);
-    // 1 - cos(theta) is uniform, and a narrow cone loses no digits.
-    let height = cone_height(offset, radius);
-    let fall = disk.length_squared() * height;
-    let frame = double::Frame::from_normal(offset.try_normalize().unwrap_or(DVec3::Z));
-    let across = (frame.s * disk.x + frame.t * disk.y) * (height * (2.0 - fall)).sqrt();
-    (across + frame.n * (1.0 - fall)).normalize()
+/// Returns the cone around a sphere at `offset`; all directions from within.
+fn cone(offset: DVec3, radius: f64) -> Cone {
+    Cone::of_sine(radius * radius / offset.length_squared()).unwrap_or(Cone::WHOLE)
 }
 
 /// Puts spheres around boxes, as few as have small cross-sections.

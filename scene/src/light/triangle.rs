@@ -8,10 +8,10 @@
 
 use std::f32::consts::PI;
 
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A, swizzles::Vec3Swizzles};
+use glam::{DVec3, Vec2, Vec3, Vec3A, swizzles::Vec3Swizzles};
 
 use super::pattern::Pattern;
-use super::target::{Aimed, Sphere, Target};
+use super::target::{Sphere, Target};
 use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
 use crate::{Ray, Surface, surface};
 
@@ -200,10 +200,9 @@ pub(super) fn leave(
             (frame.to_world(hemimap::square_to_cosine_hemisphere(u_direction)), 1.0)
         }
         Some(cones) => {
-            let Aimed { direction, share, .. } = cones.line(u_sphere.into(), DVec2::ZERO, u_direction.as_dvec2())?;
-            let direction = direction.as_vec3a();
+            let (direction, share) = cones.direction(u_sphere, u_direction)?;
             // Of cos(theta) / pi and of 1 / 4 pi the former is so many times the latter.
-            (direction, 4.0 * normal.dot(direction) * narrow(share))
+            (direction, 4.0 * normal.dot(direction) * share)
         }
     };
     (share > 0.0).then(|| Emission { ray: Ray::new(origin, direction), flux: flux * share })

@@ -6,17 +6,12 @@ use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Psi, Quadric, Solid};
 use scene::{Description, FormObject, Material, Mesh, Projection, Ray, Scene, Texture};
 
-use crate::measure::{Random, assert_irradiance, emitter, irradiance, is_normal};
+use crate::measure::{Random, assert_irradiance, ball, emitter, form, irradiance, is_normal};
 
 /// A scene of free forms that shine with radiance 1.
 fn form_lights(solids: Vec<Solid>) -> Scene {
-    let form = |solid| FormObject { name: String::new(), solid, material: 0, projection: None, copies: vec![] };
-    let forms = solids.into_iter().map(form).collect();
+    let forms = solids.into_iter().map(|solid| form(solid, 0)).collect();
     Scene::new(Description { forms, materials: vec![emitter(1.0)], ..Description::default() }).expect("a right scene")
-}
-
-fn ball(centre: DVec3, radius: f64) -> Solid {
-    FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form").into()
 }
 
 /// A ball of radius 2 with a hollow of radius 1.

@@ -2,8 +2,9 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3, Vec3A};
-use scene::{Description, Lights, Material, Mesh, Ray, Scene};
+use glam::{DVec3, Vec2, Vec3, Vec3A};
+use scene::freeform::{FreeForm, Quadric, Solid};
+use scene::{Description, FormObject, Lights, Material, Mesh, Ray, Scene};
 
 /// A stream of numbers in [0, 1) (PCG).
 pub(crate) struct Random(pub(crate) u32);
@@ -34,6 +35,15 @@ impl Random {
 
 pub(crate) fn emitter(radiance: f32) -> Material {
     Material { diffuse: Vec3::ZERO, emission: Vec3::splat(radiance), ..Material::default() }
+}
+
+pub(crate) fn ball(centre: DVec3, radius: f64) -> Solid {
+    FreeForm::new(Quadric::sphere(centre, radius).expect("a sphere"), vec![]).expect("a form").into()
+}
+
+/// A solid where it stands.
+pub(crate) fn form(solid: Solid, material: u32) -> FormObject {
+    FormObject { name: String::new(), solid, material, projection: None, copies: vec![] }
 }
 
 /// A scene of a polygon, split into a fan, that shines with radiance 1 to the side of which its corners are counter-clockwise.

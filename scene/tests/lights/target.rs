@@ -4,9 +4,9 @@ use std::f32::consts::PI;
 
 use glam::{DVec3, Vec3, Vec3A};
 use scene::freeform::{FreeForm, Psi, Quadric, Solid};
-use scene::{Description, Environment, FormObject, Material, Mesh, PunctualLight, Ray, Scene, SpecularKind, Target};
+use scene::{Description, Environment, Material, Mesh, PunctualLight, Ray, Scene, SpecularKind, Target};
 
-use crate::measure::{Random, emitter};
+use crate::measure::{Random, ball, emitter, form};
 
 fn silver() -> Material {
     Material { specular: SpecularKind::Mirror { reflectance: Vec3::ONE }, ..Material::default() }
@@ -27,15 +27,6 @@ fn across(middle: Vec3, edges: [Vec3; 2], material: u32) -> Mesh {
         materials: vec![material; 2],
         ..Mesh::default()
     }
-}
-
-fn ball(radius: f64, material: u32) -> FormObject {
-    form(Quadric::sphere(DVec3::ZERO, radius).expect("a sphere"), material)
-}
-
-fn form(quadric: Quadric, material: u32) -> FormObject {
-    let solid = FreeForm::new(quadric, vec![]).expect("a form").into();
-    FormObject { name: String::new(), solid, material, projection: None, copies: vec![] }
 }
 
 #[test]
@@ -112,17 +103,15 @@ fn photons_of_lamps_for_mirrors_bring_what_all_would() {
     };
     let triangle = Mesh { triangles: vec![[0, 1, 2]], materials: vec![2], ..square(Vec3::ZERO, 0.8, 2) };
     // Lines may leave it twice.
-    let parts =
-        [-0.25, 0.25].map(|x| FreeForm::new(Quadric::sphere(DVec3::X * x, 0.2).unwrap(), vec![]).unwrap().into());
-    let pair = FormObject { solid: Solid::union(Psi::Maximum, parts.to_vec()).unwrap(), ..ball(1.0, 2) };
+    let pair = Solid::union(Psi::Maximum, vec![ball(DVec3::X * -0.25, 0.2), ball(DVec3::X * 0.25, 0.2)]).unwrap();
     let point = PunctualLight::Point { position: Vec3::ZERO, intensity: Vec3::ONE };
     let scenes = [
         ("a rectangle", with_mesh(square(Vec3::ZERO, 0.5, 2))),
         ("a triangle", with_mesh(triangle)),
         ("a point", Description { lights: vec![point], ..common.clone() }),
-        ("a small ball", Description { forms: vec![ball(0.2, 2)], ..common.clone() }),
-        ("a large ball", Description { forms: vec![ball(0.7, 2)], ..common.clone() }),
-        ("two balls", Description { forms: vec![pair], ..common.clone() }),
+        ("a small ball", Description { forms: vec![form(ball(DVec3::ZERO, 0.2), 2)], ..common.clone() }),
+        ("a large ball", Description { forms: vec![form(ball(DVec3::ZERO, 0.7), 2)], ..common.clone() }),
+        ("two balls", Description { forms: vec![form(pair, 2)], ..common.clone() }),
     ];
     let n = 800_000;
     for (name, description) in scenes {
@@ -158,13 +147,13 @@ fn photons_of_lamps_for_mirrors_bring_what_all_would() {
 fn lamps_send_photons_everywhere_where_mirrors_are_all_around_or_endless() {
     // A lamp in a silver ball; over an endless mirror, and a lamp of that above a small thing.
     let inside = Description {
-        forms: vec![ball(1.0, 0), ball(0.2, 1)],
+        forms: vec![form(ball(DVec3::ZERO, 1.0), 0), form(ball(DVec3::ZERO, 0.2), 1)],
         materials: vec![silver(), emitter(1.0)],
         ..Description::default()
     };
-    let half_space = Quadric::half_space(DVec3::NEG_Y, DVec3::Y).unwrap();
+    let half_space = FreeForm::new(Quadric::half_space(DVec3::NEG_Y, DVec3::Y).unwrap(), vec![]).unwrap();
     let over = Description {
-        forms: vec![ball(0.5, 1), form(half_space, 0)],
+        forms: vec![form(ball(DVec3::ZERO, 0.5), 1), form(half_space.into(), 0)],
         lights: vec![PunctualLight::Point { position: Vec3::Y * 9.0, intensity: Vec3::ONE }],
         materials: vec![silver(), Material::default()],
         ..Description::default()
