@@ -19,7 +19,7 @@ pub(crate) struct ViewArgs {
     /// How to render: the cache of reprojected radiance, the same without a cache, an irradiance cache, or the reference path tracer
     #[arg(long, value_parser = args::method())]
     method: Option<Method>,
-    /// Speed against accuracy: four times the quality takes about three times the time, by path four times [default: the scene's, or 1]
+    /// Speed against accuracy: four times the quality takes about three times the time, below 1 twice, by path four times [default: the scene's, or 1]
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     quality: Option<f32>,
     /// Samples a pixel, instead of what the quality gives

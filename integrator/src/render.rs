@@ -75,6 +75,52 @@ pub(crate) fn render_watched(
 /// a radiosity solution; it must hold all light there but what it leaves to light sampling (see [`Secondary`]). [`Method::Path`] takes
 /// none and ignores it.
 ///
+/// # Examples
+///
+/// In a box whose walls all shine with 0.5 and reflect half, the radiance is 1 everywhere: a solution in one line.
+///
+/// ```
+/// use std::f32::consts::PI;
+///
+/// use integrator::{Known, Secondary, Settings, render_with};
+/// use scene::glam::{UVec2, Vec3};
+/// use scene::{Camera, Description, Material, Mesh, Scene, Surface};
+///
+/// struct Even;
+///
+/// impl Secondary for Even {
+///     fn irradiance(&self, _: &Surface) -> Option<Known> {
+///         let half = Vec3::splat(0.5 * PI); // what shines, and what was reflected at least once
+///         Some(Known { direct: Some(half), indirect: half, resolution: 0.0 })
+///     }
+///
+///     fn caustic_irradiance(&self, _: &Surface) -> Vec3 {
+///         Vec3::ZERO
+///     }
+/// }
+///
+/// // Corner i of the box has x, y and z by its bits; triangles are counter-clockwise as seen from within.
+/// let sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+/// let walls = Mesh {
+///     positions: (0..8).map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32)).collect(),
+///     triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+///     materials: vec![0; 12],
+///     ..Mesh::default()
+/// };
+/// let half = Vec3::splat(0.5);
+/// let scene = Scene::new(Description {
+///     meshes: vec![walls],
+///     materials: vec![Material { diffuse: half, emission: half, ..Material::default() }],
+///     camera: Some(Camera { eye: half, at: Vec3::ONE, up: Vec3::Y, fov_y_degrees: 60.0 }),
+///     ..Description::default()
+/// })?;
+/// let settings = Settings { size: UVec2::new(8, 8), ..Settings::default() };
+/// let film = render_with(&scene, &settings, &Even, &|_| ())?.film;
+/// assert!(film.picture().iter().all(|pixel| (*pixel - 1.0).abs().max_element() < 0.1)); // light samples have noise
+/// assert!(film.indirect.iter().all(|pixel| (*pixel - 0.25).abs().max_element() < 1e-3));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 ///
 /// As [`render`].

@@ -66,8 +66,8 @@ pub enum SecondaryKind {
 pub struct Settings {
     /// How the picture is made.
     pub method: Method,
-    /// One number for speed against accuracy, in [0.001, 1000]: four times the quality takes about three times the time, by
-    /// [`Method::Path`] four times.
+    /// One number for speed against accuracy, in [0.001, 1000]: four times the quality takes about three times the time,
+    /// below 1 twice; by [`Method::Path`] four times.
     pub quality: f32,
     /// Primary samples a pixel, in [1, 2^20]: exactly so many by [`Method::Path`], in the mean by the others, which take more where there is noise. Where it
     /// is `None`, `quality` decides.

@@ -29,6 +29,11 @@ impl Body {
         Self { solid, from_world: Some(Box::new(placement.inverse())) }
     }
 
+    /// Returns the memory that it holds beside itself and the solid, bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.from_world.as_deref().map_or(0, size_of_val)
+    }
+
     pub(crate) fn solid(&self) -> &Arc<Solid> {
         &self.solid
     }

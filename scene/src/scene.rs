@@ -436,6 +436,7 @@ impl Scene {
     pub fn memory_bytes(&self) -> usize {
         self.triangles.memory_bytes()
             + self.forms.capacity() * size_of::<Form>()
+            + self.forms.iter().map(|form| form.body.memory_bytes()).sum::<usize>()
             + self.solids().map(Solid::memory_bytes).sum::<usize>()
             + self.bvh.memory_bytes()
             + self.materials.capacity() * size_of::<Material>()

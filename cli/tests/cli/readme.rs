@@ -7,7 +7,7 @@ use crate::common::{data, folder, freelux, names};
 #[test]
 fn the_commands_of_the_readme_run() {
     let folder = folder();
-    for name in ["scene.obj", "scene.mtl"] {
+    for name in ["scene.obj", "scene.mtl", "scene.toml"] {
         fs::copy(data("study/cornell").join(name), folder.path().join(name)).unwrap();
     }
     let commands = include_str!("../../README.md").lines().filter_map(|line| line.strip_prefix("freelux "));
@@ -29,5 +29,9 @@ fn the_commands_of_the_readme_run() {
     }
     assert!(count >= 7, "only {count} commands are in the README");
     let pictures = ["box.exr", "box.png", "charts", "difference.png", "freelux.exr", "freelux.png", "reference.exr"];
-    assert_eq!(names(folder.path()), [&pictures[..], &["scene.mtl", "scene.obj"]].concat(), "the files that it names");
+    assert_eq!(
+        names(folder.path()),
+        [&pictures[..], &["scene.mtl", "scene.obj", "scene.toml"]].concat(),
+        "the files that it names"
+    );
 }
