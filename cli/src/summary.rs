@@ -136,10 +136,10 @@ impl Summary<'_> {
             table.row(
                 "hemisphere",
                 format!(
-                    "filled {:.1} %, unknown {:.1} %, traced {:.1} %",
+                    "filled {:.1} %, unknown {:.1} %, holes {:.1} %",
                     percent(s.share_filled),
                     percent(s.share_unknown),
-                    percent(s.share_traced)
+                    percent(s.share_holes)
                 ),
             );
         }

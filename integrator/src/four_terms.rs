@@ -43,7 +43,14 @@ pub(crate) fn render<S: Secondary>(
     statistics.time("direct", |statistics| primary.learn_guides(&mut statistics.rays));
     let has_cache = settings.method != Method::Gather;
     let indirect = IndirectTerm {
-        gatherer: Gatherer { scene, secondary, sky, divide: plan.records.divide, seed: settings.seed ^ GATHER_STREAM },
+        gatherer: Gatherer {
+            scene,
+            secondary,
+            sky,
+            divide: plan.records.divide,
+            highlights: plan.records.highlights,
+            seed: settings.seed ^ GATHER_STREAM,
+        },
         plan,
         recorder: has_cache.then(|| Recorder::new(&plan.records)),
         size,
@@ -276,5 +283,5 @@ fn add_counts(statistics: &mut Statistics, counts: &Counts) {
     let mean = |sum: f64| if counts.reprojected > 0 { sum / counts.reprojected as f64 } else { 0.0 };
     statistics.share_filled = mean(counts.filled);
     statistics.share_unknown = mean(counts.unknown);
-    statistics.share_traced = mean(counts.traced);
+    statistics.share_holes = mean(counts.holes);
 }

@@ -21,6 +21,8 @@ pub(crate) struct Gatherer<'a, S> {
     pub(crate) sky: Option<&'a SkySplit>,
     /// Whether texels between bright and dark, and at the rim of the sky, are divided.
     pub(crate) divide: bool,
+    /// Whether texels are marked that show highlights.
+    pub(crate) highlights: bool,
     pub(crate) seed: u64,
 }
 
@@ -36,10 +38,9 @@ impl<S: Secondary> Gatherer<'_, S> {
         for (texel, &wi) in directions.iter().enumerate() {
             let wi = frame.to_world(wi);
             let mut sampler = Sampler::alone(self.seed, hash_pair(key, texel as u64));
-            let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
-            let normal = found.map_or(-wi, |found| found.ng);
-            samples.set(texel, traced.radiance, traced.distance, frame.to_local(normal));
-            samples.view_dependent[texel] = found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
+            let (traced, is_marked) = self.incident(surface, wi, &mut sampler, rays);
+            samples.set(texel, traced.radiance, traced.distance, frame.to_local(traced.normal));
+            samples.view_dependent[texel] = is_marked;
         }
         rays.gather += (n * n) as u64;
         if self.divide {
@@ -48,8 +49,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
-            for (is_marked, wi) in samples.view_dependent.iter_mut().zip(directions) {
-                *is_marked |= frame.to_world(wi).dot(surface.ng) <= 0.0;
+            for texel in 0..n * n {
+                samples.view_dependent[texel] |= is_below(surface, frame.to_world(samples.direction(texel)));
             }
         }
         samples
@@ -89,10 +90,10 @@ impl<S: Secondary> Gatherer<'_, S> {
                 let mut sampler = Sampler::new(self.seed ^ FURTHER_STREAM, stream, part);
                 let jitter = in_cell(part, side, sampler.next_pair());
                 let wi = frame.to_world(hemimap::square_to_cosine_hemisphere((place + jitter) / n as f32));
-                let (traced, found) = self.incident(surface, wi, &mut sampler, rays);
+                let (traced, is_marked) = self.incident(surface, wi, &mut sampler, rays);
                 let is_sky = traced.distance.is_infinite();
                 parts[usize::from(is_sky)] += traced.radiance;
-                samples.view_dependent[texel] |= found.is_some_and(|found| has_highlight(&self.scene.bsdf(&found)));
+                samples.view_dependent[texel] |= is_marked;
                 let stands = if shows_sky {
                     // What the sky ends at is in front of it, and moves over it when the place does.
                     traced.distance < samples.distance[texel]
@@ -116,29 +117,29 @@ impl<S: Secondary> Gatherer<'_, S> {
         }
     }
 
-    /// What arrives at a surface along `wi`, and the surface that is there. Directions below the geometric surface, which a
+    /// What arrives at a surface along `wi`, and whether the texel that shows it is to be marked. Directions below the geometric surface, which a
     /// shading normal may ask for, are black and infinitely far.
-    fn incident(
-        &self,
-        surface: &Surface,
-        wi: Vec3A,
-        sampler: &mut Sampler,
-        rays: &mut RayCounts,
-    ) -> (Traced, Option<Surface>) {
-        let nothing = Traced::default();
-        if wi.dot(surface.ng) <= 0.0 {
-            return (nothing, None);
+    fn incident(&self, surface: &Surface, wi: Vec3A, sampler: &mut Sampler, rays: &mut RayCounts) -> (Traced, bool) {
+        let nothing = Traced { normal: -wi, ..Traced::default() };
+        if is_below(surface, wi) {
+            return (nothing, false);
         }
         let ray = surface.spawn(wi);
         let Some(hit) = self.scene.intersect(&ray) else {
-            return (Traced { radiance: soft_background(self.scene, self.sky, wi), ..nothing }, None);
+            return (Traced { radiance: soft_background(self.scene, self.sky, wi), ..nothing }, false);
         };
         let found = self.scene.surface(&ray, &hit);
         let follower = Follower { scene: self.scene, secondary: self.secondary, spread: f32::INFINITY };
         let met = Shading::new(self.scene, found, wi);
         let radiance = follower.reflection(met, sampler, rays).radiance();
-        (Traced { radiance, distance: found.t, normal: found.ng }, Some(found))
+        let is_marked = self.highlights && has_highlight(&met.bsdf);
+        (Traced { radiance, distance: found.t, normal: found.ng }, is_marked)
     }
+}
+
+/// Whether a direction points into a surface, as those that are above its shading normal's horizon alone.
+fn is_below(surface: &Surface, wi: Vec3A) -> bool {
+    wi.dot(surface.ng) <= 0.0
 }
 
 /// Whether what leaves a surface depends so much on the direction that another point sees something else: a narrow lobe, a mirror or glass.
@@ -278,7 +279,14 @@ mod tests {
         let down = Ray::new(Vec3A::new(0.1, 0.5, -0.05), Vec3A::NEG_Y);
         let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
         let sky = SkySplit::new(&scene);
-        let gatherer = Gatherer { scene: &scene, secondary: &NoSecondary, sky: sky.as_ref(), divide: true, seed: 1 };
+        let gatherer = Gatherer {
+            scene: &scene,
+            secondary: &NoSecondary,
+            sky: sky.as_ref(),
+            divide: true,
+            highlights: true,
+            seed: 1,
+        };
         let frame = Frame::from_normal(floor.n);
         let mut mixed = 0;
         for key in 0..8 {
@@ -348,7 +356,8 @@ mod tests {
         let down = Ray::new(Vec3A::new(0.1, 0.5, 0.2), Vec3A::NEG_Y);
         let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
         let frame = Frame::from_normal(floor.n);
-        let gatherer = |divide| Gatherer { scene: &scene, secondary: &Even, sky: None, divide, seed: 3 };
+        let gatherer =
+            |divide| Gatherer { scene: &scene, secondary: &Even, sky: None, divide, highlights: true, seed: 3 };
         let spread = |values: &[f64]| {
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64)

@@ -126,8 +126,8 @@ pub struct Statistics {
     pub share_filled: f64,
     /// Mean share that no element may fill, because something may have come into view, in [0, 1].
     pub share_unknown: f64,
-    /// Mean share that was traced, in [0, 1].
-    pub share_traced: f64,
+    /// Mean share of holes, in [0, 1]: what no element fills, and rays see.
+    pub share_holes: f64,
     /// Photons shot, for both maps.
     pub photons_shot: u64,
     /// Photons in the global map.
@@ -161,7 +161,7 @@ impl Statistics {
         let mixed = |share: f64, of_share: f64| (share * before + of_share * of_pass) / all;
         self.share_filled = mixed(self.share_filled, pass.share_filled);
         self.share_unknown = mixed(self.share_unknown, pass.share_unknown);
-        self.share_traced = mixed(self.share_traced, pass.share_traced);
+        self.share_holes = mixed(self.share_holes, pass.share_holes);
         for phase in &pass.phases {
             self.add_seconds(&phase.name, phase.seconds);
         }

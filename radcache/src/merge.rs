@@ -47,7 +47,7 @@ pub struct MergeSettings {
     pub plane_tolerance: f32,
     /// How deep a block may be.
     pub depth: DepthRange,
-    /// Largest contrast of radiance, |a - b| / (a + b) by luminance. Above 1 it never hinders a merge, which is enough where
+    /// Largest contrast of radiance, |a - b| / (a + b) by the means of the channels. Above 1 it never hinders a merge, which is enough where
     /// only irradiance is wanted; a glossy lobe sees the mean of an element and wants less.
     pub max_contrast: f32,
 }
@@ -93,8 +93,8 @@ pub(crate) struct Block {
     pub(crate) point_sum: Vec3A,
     /// Sum of the normals.
     pub(crate) normal_sum: Vec3A,
-    /// Sum of the luminances.
-    luminance_sum: f32,
+    /// Sum of the means of the channels.
+    brightness_sum: f32,
     infinite: bool,
     pub(crate) view_dependent: bool,
 }
@@ -131,7 +131,7 @@ impl Block {
         if kind(self) != kind(other) {
             return false;
         }
-        let (la, lb) = (self.luminance_sum / self.count(), other.luminance_sum / other.count());
+        let (la, lb) = (self.brightness_sum / self.count(), other.brightness_sum / other.count());
         if (la - lb).abs() > settings.max_contrast * (la + lb) {
             return false;
         }
@@ -157,7 +157,7 @@ impl Block {
         self.size[axis] += other.size[axis];
         self.point_sum += other.point_sum;
         self.normal_sum += other.normal_sum;
-        self.luminance_sum += other.luminance_sum;
+        self.brightness_sum += other.brightness_sum;
     }
 }
 
@@ -196,7 +196,7 @@ fn single(samples: &Samples, points: &[Vec3A], layers: &[u8], texel: usize) -> B
         distances: [samples.distance[texel]; 2],
         point_sum: points[texel],
         normal_sum: samples.normal[texel].into(),
-        luminance_sum: (l.x + l.y + l.z) / 3.0,
+        brightness_sum: (l.x + l.y + l.z) / 3.0,
         infinite: samples.distance[texel].is_infinite(),
         view_dependent: samples.view_dependent[texel],
     }

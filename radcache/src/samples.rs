@@ -25,7 +25,7 @@ pub struct Samples {
     pub distance: Vec<f32>,
     /// Unit normal of the hit, turned to the record; any value where the distance is infinite.
     pub normal: Vec<Vec3>,
-    /// Share of the radiance that comes from infinity, by luminance, in [0, 1]: 1 for the surroundings, 0 for what stands at a distance, and
+    /// Share of the radiance that comes from infinity, by the mean of the channels, in [0, 1]: 1 for the surroundings, 0 for what stands at a distance, and
     /// between for a texel of several rays at the rim of a window.
     pub background_share: Vec<f32>,
     /// Whether the radiance is that of this direction only, as a highlight is, so that another point must look for itself: the

@@ -8,8 +8,8 @@ use glam::{Vec3, Vec3A};
 use hemimap::Frame;
 use proptest::prelude::*;
 use radcache::{MergeSettings, Record, RecordSettings, Samples};
-use reproject::{AreaWeights, Coverage, Settings, Trails, Workspace};
-use rooms::{Rays, Scene, gather, record, record_in, weight_before_normalising};
+use reproject::{Coverage, Settings, Workspace};
+use rooms::{Rays, Scene, every_setting, gather, record, record_in, weight_before_normalising};
 
 const FLOOR: Vec3A = Vec3A::new(0.6, 0.55, -0.999);
 const SIZES: [usize; 6] = [1, 7, 16, 32, 33, 64];
@@ -19,17 +19,7 @@ fn unmerged() -> RecordSettings {
     RecordSettings { merge: MergeSettings { max_side: 1, ..MergeSettings::default() }, ..RecordSettings::default() }
 }
 
-fn every_setting() -> impl Iterator<Item = Settings> {
-    (0..24).map(|k| Settings {
-        coverage: if k & 1 == 0 { Coverage::Quad } else { Coverage::Rectangle },
-        trails: [Trails::Uncovered, Trails::Silhouettes, Trails::All][k / 8],
-        weights: if k & 2 == 0 { AreaWeights::Analytic } else { AreaWeights::Bits },
-        margins: k & 4 == 0,
-        doubt: k % 5 > 0,
-    })
-}
-
-/// S15: quads and rectangles both give back the texture.
+/// Quads and rectangles both give back the texture.
 #[test]
 fn identity_reproduces_the_texture() {
     for scene in [Scene::cornell(), Scene::spheres(), Scene::yard()] {

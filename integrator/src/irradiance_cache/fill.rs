@@ -2,8 +2,8 @@
 //!
 //! The points are asked on lattices of strides 64, 32, ... 1 pixels. One that no record is near enough to looks for itself and becomes a
 //! record. When all are asked, every point takes its light from all records that reach it, those made after it was asked too. A
-//! batch of records is made while the index is frozen, and points of one batch lie at least a stride apart, so they seldom serve
-//! each other's place.
+//! batch of records is made while the index is frozen, and most points of one batch lie at least a stride apart, so they seldom
+//! serve each other's place.
 
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
@@ -74,7 +74,8 @@ pub(crate) fn fill<S: Secondary>(
         let is_lost = |&number: &usize| {
             values[number].is_none()
                 && !rungs[number].has_looked()
-                && light(&points[number], &places[number], frozen).is_none()
+                && !frozen.reaches(&places[number])
+                && !frozen.reaches(&own_place(&points[number], &places[number]))
         };
         let lost: Vec<usize> = (0..points.len()).into_par_iter().filter(is_lost).collect();
         if lost.is_empty() {

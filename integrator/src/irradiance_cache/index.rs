@@ -74,6 +74,11 @@ impl Index {
         self.near(place).any(|record| record.distance(place) <= distance)
     }
 
+    /// Whether any record reaches a place, so that [`Self::interpolate`] finds light there.
+    pub(crate) fn reaches(&self, place: &Place) -> bool {
+        self.reaching(place).next().is_some()
+    }
+
     /// How far that record reaches which reaches least, of those around a place, metres; `None` where there is none.
     pub(crate) fn least_reach(&self, place: &Place) -> Option<f32> {
         self.near(place).map(Record::least_reach).reduce(f32::min)

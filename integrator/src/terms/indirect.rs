@@ -56,7 +56,7 @@ pub(crate) struct Counts {
     /// Sums over the reprojected points.
     pub(crate) filled: f64,
     pub(crate) unknown: f64,
-    pub(crate) traced: f64,
+    pub(crate) holes: f64,
 }
 
 impl Look {
@@ -174,7 +174,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
                         counts.reprojected += 1;
                         counts.filled += f64::from(shares.filled);
                         counts.unknown += f64::from(shares.unknown);
-                        counts.traced += f64::from(shares.holes);
+                        counts.holes += f64::from(shares.holes);
                     }
                     Answer::Looked(look, rays) => {
                         looks.push((number, look.by(Rung::Gathered)));
@@ -273,7 +273,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     ) -> (bool, Verdict, Option<Verdict>) {
         /// Half of the first rays are in doubt...
         const DOUBT: f32 = 0.5;
-        /// ... and a fifth of the second ones refuse the record (study, findings 12 and 16).
+        /// ... and a fifth of the second ones refuse the record: four rays alone would refuse good ones at their silhouettes.
         const REFUSED: f32 = 0.2;
         let side = self.plan.records.verify_side;
         if side == 0 {
@@ -309,24 +309,22 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let marked = samples.view_dependent.iter().filter(|marked| **marked).count() as f32;
         let holes = marked / samples.view_dependent.len() as f32;
         let is_worth = self.plan.lobes.reads_texture(&point.shading)
-            || !self.plan.records.highlights
             || self.hole_step(holes, self.plan.records.n, look_n).is_some();
         // What one texel shows or not, elements cannot carry to other places.
         if !is_worth || validity.radius(&samples) <= enough || irradiance_cache::is_lit_by_few(&samples) {
             self.tell(point, || Step::Gathered { resolution: samples.resolution(), record: None });
             return (None, look, rays);
         }
-        let mut samples = self.gatherer.gather(surface, &frame, self.plan.records.n, point.key, &mut rays);
-        if !self.plan.records.highlights {
-            samples.view_dependent.fill(false);
-        }
+        let samples = self.gatherer.gather(surface, &frame, self.plan.records.n, point.key, &mut rays);
         let look = self.look(&samples, &frame, point, weights);
-        let record = Record::new(surface.p, frame, samples, &self.plan.records.record, &validity);
+        // More rays may have met what is so near that the record would serve nobody.
+        let record = (validity.radius(&samples) > 0.0)
+            .then(|| Record::new(surface.p, frame, samples, &self.plan.records.record, &validity));
         self.tell(point, || Step::Gathered {
             resolution: self.plan.records.n,
-            record: Some(RecordFacts::new(&record, surface.p)),
+            record: record.as_ref().map(|record| RecordFacts::new(record, surface.p)),
         });
-        (Some(record), look, rays)
+        (record, look, rays)
     }
 
     /// [`hole_step`] of a reprojection of n x n texels, against a ray for each texel of a look: more, where texels are divided, tell it more too.

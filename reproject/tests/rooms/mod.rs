@@ -206,8 +206,8 @@ pub fn every_setting() -> Vec<Settings> {
     for coverage in [Coverage::Quad, Coverage::Rectangle] {
         for trails in [Trails::Uncovered, Trails::Silhouettes, Trails::All] {
             for weights in [AreaWeights::Analytic, AreaWeights::Bits] {
-                for margins in [true, false] {
-                    all.push(Settings { coverage, trails, weights, margins, ..Settings::default() });
+                for (margins, doubt) in [(true, true), (true, false), (false, true), (false, false)] {
+                    all.push(Settings { coverage, trails, weights, margins, doubt });
                 }
             }
         }
