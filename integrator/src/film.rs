@@ -247,9 +247,15 @@ impl Film {
                 *value = value.lerp(*other, share);
             }
         }
-        for (depth, &other) in self.depth.iter_mut().zip(&other.depth) {
-            let mixed = *depth + (other - *depth) * share;
-            *depth = if mixed.is_finite() { mixed } else { depth.min(other) };
+        let alphas = self.alpha.iter().zip(&other.alpha);
+        for ((depth, &other), (alpha, other_alpha)) in self.depth.iter_mut().zip(&other.depth).zip(alphas) {
+            // They are means over what shows a surface.
+            let (own, others) = ((1.0 - share) * alpha, share * other_alpha);
+            *depth = if depth.is_finite() && other.is_finite() {
+                *depth + (other - *depth) * (others / (own + others))
+            } else {
+                depth.min(other)
+            };
         }
         for (alpha, &other) in self.alpha.iter_mut().zip(&other.alpha) {
             *alpha += (other - *alpha) * share;

@@ -303,9 +303,7 @@ pub(crate) fn render(
             })
             .collect();
         for tracer in &tracers {
-            statistics.rays += tracer.rays;
-            statistics.cut_paths += tracer.cut_paths;
-            statistics.dropped_samples += tracer.dropped_samples;
+            statistics.add_paths(tracer);
         }
     });
     film

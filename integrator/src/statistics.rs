@@ -6,6 +6,8 @@ use std::time::Instant;
 use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
+use crate::PathTracer;
+
 /// Rays by what they were traced for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct RayCounts {
@@ -152,6 +154,13 @@ impl Statistics {
             Some(phase) => phase.seconds += seconds,
             None => self.phases.push(Phase { name: name.to_owned(), seconds }),
         }
+    }
+
+    /// Adds what a path tracer counted.
+    pub(crate) fn add_paths(&mut self, tracer: &PathTracer<'_>) {
+        self.rays += tracer.rays;
+        self.cut_paths += tracer.cut_paths;
+        self.dropped_samples += tracer.dropped_samples;
     }
 
     /// Adds what one of several pictures of the same scene took, memory apart: of that the largest counts.

@@ -4,23 +4,25 @@ use glam::{DVec3, UVec2};
 use rayon::prelude::*;
 use scene::Scene;
 
+use super::bias::{Bias, Term};
 use super::passes::Measure;
 use crate::sampler::{Sampler, hash_pair};
-use crate::{PathTracer, RayCounts, Settings};
+use crate::{PathTracer, RayCounts, Settings, Statistics};
 
 /// Pixels along a side of the grid of those that paths verify.
 const CONTROL_SIDE: u32 = 16;
 /// Paths of one group, which are stratified; the spread of the groups tells the error of their mean.
 pub(super) const GROUP: u32 = 16;
-/// Groups of a round, at least; more for the rays that the passes took: one ray of paths for so many of passes, at about so many rays a path.
-const MIN_GROUPS: u64 = 4;
-const CONTROL_SHARE: u64 = 8;
-const RAYS_OF_PATH: u64 = 10;
+/// Groups at first: of fewer, hardly anything is known of their own noise.
+const MIN_GROUPS: u64 = 16;
+/// Then they double as long as they are needed, up to one ray of theirs for so many of the passes.
+const CONTROL_SHARE: u64 = 4;
 
 /// Pixels at which paths verify the picture.
 pub(super) struct Controls {
     seed: u64,
     groups: u64,
+    rays: RayCounts,
     pixels: Vec<Control>,
 }
 
@@ -41,57 +43,67 @@ impl Controls {
             let place = (cell.as_vec2() + sampler.next_pair()) / CONTROL_SIDE as f32 * settings.size.as_vec2();
             Control { position: place.as_uvec2().min(settings.size - 1), sum: 0.0, sum_sq: 0.0 }
         });
-        Self { seed, groups: 0, pixels: pixels.collect() }
+        Self { seed, groups: 0, rays: RayCounts::default(), pixels: pixels.collect() }
     }
 
-    /// Traces more paths, as many as the rays so far allow.
-    pub(super) fn trace(&mut self, scene: &Scene, size: UVec2, rays: &mut RayCounts) {
-        let allowed = rays.total() / (CONTROL_SHARE * RAYS_OF_PATH * self.pixels.len() as u64 * u64::from(GROUP));
-        let groups = self.groups..allowed.max(self.groups + MIN_GROUPS);
-        let (seed, first) = (self.seed, groups.start);
-        self.groups = groups.end;
-        let counts: Vec<RayCounts> = self
+    /// Measures the bias of the picture: traces more paths until it is known `well` enough, or as many as the rays allow that passes took.
+    pub(super) fn verify(
+        &mut self,
+        scene: &Scene,
+        measure: &Measure,
+        statistics: &mut Statistics,
+        well: impl Fn(&Bias) -> bool,
+    ) -> Bias {
+        loop {
+            if self.groups > 0 {
+                let bias = self.bias(measure);
+                let of_passes = statistics.rays.total() - self.rays.total();
+                if well(&bias) || 2 * CONTROL_SHARE * self.rays.total() > of_passes {
+                    return bias;
+                }
+            }
+            self.trace(scene, measure.size, self.groups.max(MIN_GROUPS), statistics);
+        }
+    }
+
+    /// Traces so many more groups of paths for each pixel.
+    fn trace(&mut self, scene: &Scene, size: UVec2, groups: u64, statistics: &mut Statistics) {
+        let (seed, first) = (self.seed, self.groups);
+        self.groups += groups;
+        let tracers: Vec<PathTracer<'_>> = self
             .pixels
             .par_iter_mut()
             .enumerate()
             .map(|(number, control)| {
                 let mut tracer = PathTracer::new(scene);
-                for group in first..groups.end {
+                for group in first..first + groups {
                     let key = hash_pair(group, number as u64);
                     let mean = group_mean(&mut tracer, scene, size, control.position, seed, key).element_sum() / 3.0;
                     control.sum += mean;
                     control.sum_sq += mean * mean;
                 }
-                tracer.rays
+                tracer
             })
             .collect();
-        for count in counts {
-            *rays += count;
+        for tracer in &tracers {
+            self.rays += tracer.rays;
+            statistics.add_paths(tracer);
         }
     }
 
-    /// The mean square of the picture's relative bias: what the difference from the paths has beyond the noise of both; and the standard error of that.
-    /// Pixels where that noise is large beside the error asked for count little.
-    pub(super) fn bias_sq(&self, measure: &Measure, asked: f32) -> [f32; 2] {
-        /// Variance that is about that of rounding: a picture of nothing but sky has none, and yet its pixels have a weight.
-        const LEAST_NOISE: f64 = 1e-12;
+    /// What the difference from the paths has beyond the noise of both.
+    fn bias(&self, measure: &Measure) -> Bias {
         let groups = self.groups as f64;
-        let (mut sum, mut total, mut variance) = (0.0, 0.0, 0.0);
-        for control in &self.pixels {
+        let term = |control: &Control| {
             let pixel = (control.position.y * measure.size.x + control.position.x) as usize;
             let scale_sq = f64::from(measure.scale[pixel]).powi(2);
             let mean = control.sum / groups;
             let of_paths = (control.sum_sq / groups - mean * mean).max(0.0) / (groups - 1.0) / scale_sq;
-            let noise = of_paths + f64::from(measure.around(pixel));
+            let noise_sq = measure.noise_sq[pixel];
             let difference_sq = (mean - f64::from(measure.mean[pixel])).powi(2) / scale_sq;
-            let weight = (noise + f64::from(0.25 * asked * asked)).max(LEAST_NOISE).powi(-2);
-            sum += weight * (difference_sq - noise);
-            total += weight;
-            // As if the noise were normal.
-            variance += 2.0 * (weight * noise).powi(2);
-        }
-        #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
-        [(sum / total).max(0.0), variance.sqrt() / total].map(|square| square as f32)
+            Term { noise_sq, bias_sq: difference_sq - of_paths - f64::from(noise_sq) }
+        };
+        Bias::new(self.pixels.iter().map(term).collect())
     }
 }
 

@@ -4,15 +4,16 @@
 //! record which a whole patch of the picture shares included. What they have in common, the bias of caches and of photons, no number of
 //! passes shows; it is measured by paths at some pixels, which verify the picture without sharing anything with it.
 //!
-//! With weights w of the passes, x a pixel's value in each, m their mean, and B the root mean square of the relative bias,
+//! With weights w of the passes, x a pixel's value in each, m their mean, and B^2 the mean square of the relative bias of pixels about as noisy, and one standard error of that (or a quarter of what may be, if that is less),
 //!
 //! ```text
 //! s^2 = sum of w^2 (x - m)^2 / (sum of w)^2 * n / (n - 1)
-//! error = t sqrt(s^2 / D^2 + B^2),     D^2 = m^2 + 0.01 (bright / 0.8)^2
+//! error = sqrt(t^2 s^2 / D^2 + z^2 B^2),     D^2 = m^2 + 0.01 (bright / 0.8)^2
 //! ```
 //! where n = (sum of w)^2 / sum of w^2 is the number of passes if they counted alike, s^2 / D^2 is averaged over 3 x 3 pixels, `bright` is the
-//! 90th percentile of the picture, and t the quantile of Student's distribution that is exceeded in one of 20 cases. D is the denominator of relMSE.
+//! 90th percentile of the picture, and t and z the quantiles of Student's and of the normal distribution that are exceeded in one of 20 cases. D is the denominator of relMSE.
 
+mod bias;
 mod controls;
 mod passes;
 mod pixel;
@@ -21,6 +22,7 @@ use std::time::Instant;
 
 use scene::Scene;
 
+use self::bias::Bias;
 use self::controls::Controls;
 use self::passes::Passes;
 pub use self::pixel::{PixelEstimate, estimate_pixel};
@@ -33,11 +35,16 @@ pub const ERROR_RANGE: (f32, f32) = (0.001, 1.0);
 const WANTED_SHARE: f32 = 0.95;
 /// Passes of one quality: four make a round. The first round takes about the time of a picture of the quality of the settings.
 const PASSES: u32 = 4;
+/// The square of the quantile of the normal distribution that is exceeded in one of 20 cases, either way.
+const Z_SQ: f32 = 1.96 * 1.96;
 /// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough; and at least that part of it.
 const GROWTH: f32 = 4.0;
 const MAX_ROUNDS: u32 = 12;
-/// Where the bias alone is too large, and passes of [`GROWTH`] times the quality leave more than this share of it, in so many rounds one after the other, more of them are in
+/// Paths verify until the standard error of the square of the bias is this share of what it may be, or of the noise beside which it stands.
+const CERTAINTY: f32 = 0.1;
+/// Where the bias alone is about as large as what was asked, so many times it, and passes of [`GROWTH`] times the quality leave more than this share of it, in so many rounds one after the other, more of them are in
 /// vain: it is light that paths or caches do not see at all, such as that of a point lamp behind glass.
+const HOPELESS: f32 = 0.85;
 const STALLED: f32 = 0.8;
 const MAX_STALLED: u32 = 2;
 
@@ -48,7 +55,7 @@ pub struct ErrorEstimate {
     pub relative: Vec<f32>,
     /// Share of the pixels where that is at most what was asked for.
     pub share: f32,
-    /// Root mean square of the relative bias, as paths found it; 0 for [`Method::Path`], which has none.
+    /// Root mean square of the relative bias over the picture, as paths found it; 0 for [`Method::Path`], which has none.
     pub bias: f32,
     /// Pictures that were averaged.
     pub passes: u32,
@@ -108,16 +115,17 @@ pub fn render_to_error(
     loop {
         round += 1;
         passes.add_round(scene, &pass, quality, &mut statistics, progress)?;
-        let mut bias_sq = 0.0;
         let measure = passes.measure();
+        let mut bias = Bias::default();
         if settings.method != Method::Path {
-            bias_sq = statistics.time("verify", |statistics| {
-                controls.trace(scene, settings.size, &mut statistics.rays);
-                controls.bias_sq(&measure, error)[0]
-            });
+            progress(Progress { phase: "verify", done: 0.0 });
+            let well = CERTAINTY * error * error / Z_SQ;
+            bias = statistics
+                .time("verify", |statistics| controls.verify(scene, &measure, statistics, |bias| bias.error() < well));
+            progress(Progress { phase: "verify", done: 1.0 });
         }
-        let estimate = measure.estimate(bias_sq, error, passes.count);
-        let is_hopeless = student(f32::INFINITY) * estimate.bias > error;
+        let estimate = measure.estimate(&bias, error, passes.count);
+        let is_hopeless = measure.excess(|noise_sq| bias.of(noise_sq).least(), HOPELESS * error).is_infinite();
         stalled = if is_hopeless && estimate.bias > STALLED * last_bias { stalled + 1 } else { 0 };
         last_bias = estimate.bias;
         if estimate.is_reached || round == MAX_ROUNDS || quality >= most || stalled == MAX_STALLED {
@@ -125,9 +133,9 @@ pub fn render_to_error(
             let Passes { film, records, .. } = passes;
             return Ok((Rendering { film, statistics, records }, estimate));
         }
-        let excess = estimate.excess(error);
         // What bias is left only better passes take away.
-        let missing = if is_hopeless { f32::INFINITY } else { passes.weight * (excess * excess - 1.0) / PASSES as f32 };
+        let excess = measure.excess(|noise_sq| bias.of(noise_sq).most(error), error);
+        let missing = passes.weight * (excess - 1.0) / PASSES as f32;
         quality = missing.clamp(quality / GROWTH, GROWTH * quality).clamp(least, most);
     }
 }
@@ -166,7 +174,7 @@ mod tests {
         for weights in [&[1.0; 4][..], &[1.0; 16], &[1.0, 1.0, 1.0, 1.0, 4.0, 4.0, 4.0, 4.0]] {
             let passes = noisy(UVec2::splat(100), weights);
             let measure = passes.measure();
-            let estimate = measure.estimate(0.0, 0.1, passes.count);
+            let estimate = measure.estimate(&Bias::default(), 0.1, passes.count);
             let is_off = |(mean, relative): (&f32, &f32)| (mean - 1.0).abs() > relative * (1.0f32 + 0.016).sqrt();
             let off = measure.mean.iter().zip(&estimate.relative).filter(|&pair| is_off(pair)).count();
             // Of 10,000 pixels 500; the neighbours' noise is known too, so that fewer are off than Student's t allows.
@@ -176,12 +184,12 @@ mod tests {
 
     #[test]
     fn excess_tells_what_more_passes_bring() {
-        let few = noisy(UVec2::splat(64), &[1.0; 8]).measure().estimate(0.0, 0.02, 8);
-        let many = noisy(UVec2::splat(64), &[1.0; 32]).measure().estimate(0.0, 0.02, 32);
-        let ratio = few.excess(0.02) / many.excess(0.02);
-        assert!(!few.is_reached && (1.9..2.6).contains(&ratio), "four times the passes: {ratio}");
-        let biased = noisy(UVec2::splat(64), &[1.0; 32]).measure().estimate(0.01, 0.02, 32);
-        assert!(biased.excess(0.02) > 0.2 / 0.02, "a bias of 0.1 stays");
+        let [few, many] = [&[1.0; 8][..], &[1.0; 32]].map(|weights| noisy(UVec2::splat(64), weights).measure());
+        let ratio = few.excess(|_| 0.0, 0.02) / many.excess(|_| 0.0, 0.02);
+        assert!((3.6..6.8).contains(&ratio), "four times the passes: {ratio}");
+        let half = many.excess(|_| 0.5 * 0.02 * 0.02 / Z_SQ, 0.02) / many.excess(|_| 0.0, 0.02);
+        assert!((half - 2.0).abs() < 1e-3, "a bias that takes half: {half}");
+        assert!(many.excess(|_| 0.01, 0.02).is_infinite(), "a bias of 0.1 stays");
     }
 
     #[test]

@@ -4,7 +4,9 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use scene::Scene;
 
-use super::{ErrorEstimate, PASSES, WANTED_SHARE, student};
+use super::bias::Bias;
+use super::{ErrorEstimate, PASSES, WANTED_SHARE, Z_SQ, student};
+use crate::allocation::neighbours;
 use crate::sampler::hash_pair;
 use crate::{Film, Progress, RecordPoint, Rendering, Settings, SettingsError, Statistics, metrics, render};
 
@@ -25,9 +27,10 @@ pub(super) struct Passes {
 pub(super) struct Measure {
     pub(super) size: UVec2,
     pub(super) mean: Vec<f32>,
-    /// The scale D of each pixel's relative error, and the variance of its mean divided by D^2.
+    /// The scale D of each pixel's relative error.
     pub(super) scale: Vec<f32>,
-    variance: Vec<f32>,
+    /// The variance of each pixel's mean over D^2, averaged over 3 x 3 pixels.
+    pub(super) noise_sq: Vec<f32>,
     /// Number of passes if they counted alike.
     alike: f32,
 }
@@ -92,47 +95,52 @@ impl Passes {
             let single = (scale_sq.sqrt() as f32, (variance / scale_sq) as f32);
             single
         });
-        let (scale, variance) = measured.unzip();
+        let (scale, variance): (_, Vec<f32>) = measured.unzip();
+        let noise_sq = (0..variance.len()).into_par_iter().map(|pixel| around(&variance, size, pixel)).collect();
         #[expect(clippy::cast_possible_truncation, reason = "at most the number of passes")]
         let alike = alike as f32;
-        Measure { size, mean, scale, variance, alike }
+        Measure { size, mean, scale, noise_sq, alike }
     }
 }
 
 impl Measure {
-    /// The error with this mean square of the relative bias.
-    pub(super) fn estimate(&self, bias_sq: f32, asked: f32, passes: u32) -> ErrorEstimate {
-        // Two of the nine pixels that are averaged count as independent: neighbours share records.
-        let t = student(2.0 * (self.alike - 1.0));
-        let relative: Vec<f32> =
-            (0..self.mean.len()).into_par_iter().map(|pixel| t * (self.around(pixel) + bias_sq).sqrt()).collect();
+    /// The error with this bias.
+    pub(super) fn estimate(&self, bias: &Bias, asked: f32, passes: u32) -> ErrorEstimate {
+        let t_sq = self.quantile_sq();
+        let relative_sq = |&noise_sq: &f32| t_sq * noise_sq + Z_SQ * bias.of(noise_sq).most(asked);
+        let relative: Vec<f32> = self.noise_sq.iter().map(relative_sq).map(f32::sqrt).collect();
         let within = relative.iter().filter(|&&relative| relative <= asked).count();
         let share = within as f32 / relative.len() as f32;
-        ErrorEstimate { relative, share, bias: bias_sq.sqrt(), passes, is_reached: share >= WANTED_SHARE }
+        ErrorEstimate { relative, share, bias: bias.mean_sq.sqrt(), passes, is_reached: share >= WANTED_SHARE }
     }
 
-    /// The relative variance around a pixel, the mean of 3 x 3.
-    pub(super) fn around(&self, pixel: usize) -> f32 {
-        let (width, height) = (self.size.x as usize, self.size.y as usize);
-        let (x, y) = (pixel % width, pixel / width);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for row in y.saturating_sub(1)..(y + 2).min(height) {
-            for column in x.saturating_sub(1)..(x + 2).min(width) {
-                sum += self.variance[row * width + column];
-                count += 1.0;
-            }
-        }
-        sum / count
-    }
-}
-
-impl ErrorEstimate {
-    /// How many times the error asked for is exceeded by all but 5 % of the pixels.
-    pub(super) fn excess(&self, asked: f32) -> f32 {
-        let mut sorted = self.relative.clone();
+    /// How many times less noise all but 5 % of the pixels would have to have beside a bias of this mean square, which may depend on their noise; infinite where that alone is too
+    /// much.
+    pub(super) fn excess(&self, bias_sq: impl Fn(f32) -> f32, asked: f32) -> f32 {
+        let t_sq = self.quantile_sq();
+        let excess = |&noise_sq: &f32| {
+            let rest = asked * asked - Z_SQ * bias_sq(noise_sq);
+            if rest > 0.0 { t_sq * noise_sq / rest } else { f32::INFINITY }
+        };
+        let mut sorted: Vec<f32> = self.noise_sq.iter().map(excess).collect();
         sorted.sort_unstable_by(f32::total_cmp);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length")]
         let place = (WANTED_SHARE * (sorted.len() - 1) as f32).ceil() as usize;
-        sorted[place] / asked
+        sorted[place]
     }
+
+    /// The square of the multiple of its deviation by which one pixel of 20 is off: two of the nine pixels that are averaged count as independent, for neighbours share
+    /// records.
+    fn quantile_sq(&self) -> f32 {
+        let independent = self.mean.len().min(2) as f32;
+        student(independent * (self.alike - 1.0)).powi(2)
+    }
+}
+
+/// The mean of 3 x 3 pixels.
+fn around(variance: &[f32], size: UVec2, pixel: usize) -> f32 {
+    let width = size.x as usize;
+    let others = neighbours(pixel, width, variance.len());
+    let (sum, count) = others.fold((variance[pixel], 1.0), |(sum, count), other| (sum + variance[other], count + 1.0));
+    sum / count
 }

@@ -4,9 +4,10 @@ use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 use scene::Scene;
 
-use super::PASSES;
+use super::bias::{Bias, ClassBias};
 use super::controls::{Controls, GROUP, group_mean};
 use super::passes::Passes;
+use super::{CERTAINTY, PASSES};
 use crate::sampler::hash_pair;
 use crate::{Method, PathTracer, Progress, QUALITY_RANGE, Settings, SettingsError, Statistics};
 
@@ -24,7 +25,7 @@ pub struct PixelEstimate {
     pub error: f32,
     /// Standard deviation by noise, averaged over 3 x 3 pixels.
     pub noise: f32,
-    /// Root mean square of the bias, as paths through 256 pixels of the whole picture found it; 0 for [`Method::Path`], which has none.
+    /// Root mean square of the bias of pixels that are about as noisy, as paths through 256 pixels of the whole picture found it; 0 for [`Method::Path`], which has none.
     pub bias: f32,
     /// What the noise of those paths can feign: the root of the standard error of the square of [`Self::bias`].
     pub bias_noise: f32,
@@ -62,7 +63,7 @@ pub struct PixelEstimate {
 ///     environment: Some(Environment::constant(Vec3::ONE)),
 ///     ..Description::default()
 /// })?;
-/// let settings = Settings { size: UVec2::splat(16), ..Settings::default() };
+/// let settings = Settings { size: UVec2::splat(16), quality: 4.0, ..Settings::default() };
 /// let estimate = estimate_pixel(&scene, &settings, UVec2::splat(8), &|_| ())?;
 /// // The sky alone lights the floor: half of it comes back.
 /// assert!((estimate.reference - 0.5).abs().max_element() < 0.01 && estimate.error < 0.01);
@@ -85,20 +86,19 @@ pub fn estimate_pixel(
     let mut statistics = Statistics::default();
     passes.add_round(scene, &pass, quality, &mut statistics, progress)?;
     let measure = passes.measure();
-    let [mut bias_sq, mut bias_noise_sq] = [0.0; 2];
-    if settings.method != Method::Path {
-        let mut controls = Controls::new(settings);
-        controls.trace(scene, size, &mut statistics.rays);
-        // Pixels that are much noisier than others say little of the bias.
-        let noise = measure.estimate(0.0, 1.0, passes.count).excess(1.0);
-        [bias_sq, bias_noise_sq] = controls.bias_sq(&measure, noise);
-    }
     let number = pixel.y as usize * size.x as usize + pixel.x as usize;
+    let noise_sq = measure.noise_sq[number];
+    let bias = match settings.method {
+        Method::Path => Bias::default(),
+        _ => Controls::new(settings)
+            .verify(scene, &measure, &mut statistics, |bias| bias.of(noise_sq).error < CERTAINTY * noise_sq),
+    };
+    let ClassBias { sq: bias_sq, error: bias_noise_sq } = bias.of(noise_sq);
     let scale = measure.scale[number];
     let (reference, reference_noise) = trace_reference(scene, size, pixel, hash_pair(seed, REFERENCE_STREAM));
     Ok(PixelEstimate {
-        error: measure.estimate(bias_sq, 1.0, passes.count).relative[number],
-        noise: measure.around(number).sqrt(),
+        error: measure.estimate(&bias, 1.0, passes.count).relative[number],
+        noise: noise_sq.sqrt(),
         bias: bias_sq.sqrt(),
         bias_noise: bias_noise_sq.sqrt(),
         scale,
