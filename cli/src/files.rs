@@ -17,11 +17,16 @@ const MAX_LINKS: usize = 40;
 pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
     let refuse = |what: String| Err(Failure::Input(format!("{}: {what}", path.display())));
     let target = resolve(path);
+    let is_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/");
     match fs::metadata(&target) {
         Ok(found) if found.is_dir() => return refuse("is a folder; name a file".into()),
-        Ok(found) if !found.is_file() => return Ok(()), // a device or pipe: only writing will tell
+        _ if is_folder => return refuse("names a folder; name a file".into()),
+        _ if is_stream(&target) => return Ok(()), // only writing will tell
         Ok(found) if found.permissions().readonly() => {
             return refuse("is write-protected; choose another name or allow writing".into());
+        }
+        Err(error) if error.kind() == io::ErrorKind::InvalidFilename => {
+            return refuse(format!("cannot be written there: {error}; choose another name"));
         }
         _ => {}
     }
@@ -84,13 +89,13 @@ impl Staged {
 
     fn try_add(&mut self, path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> io::Result<()> {
         let target = resolve(path);
-        let old = fs::metadata(&target).ok();
-        if old.as_ref().is_some_and(|old| !old.is_file()) {
-            // Devices and pipes know no places to go back to.
+        if is_stream(&target) {
+            // They know no places to go back to; and what is in a file already to which the output of the program goes stays there.
             let mut bytes = Cursor::new(Vec::new());
             fill(&mut bytes)?;
-            return File::options().write(true).open(&target)?.write_all(bytes.get_ref());
+            return File::options().append(true).open(&target)?.write_all(bytes.get_ref());
         }
+        let old = fs::metadata(&target).ok();
         let file = {
             let mut pending = pending();
             let file = beside(&target)?;
@@ -157,16 +162,27 @@ fn beside(target: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder_of(target))
 }
 
-/// Where `path` leads: a symbolic link stays a link, and the file it names is replaced, whether it exists or not.
+/// Where `path` leads: a symbolic link stays a link, and the file it names is replaced, whether it exists or not. What is open already, such as `/dev/stdout`, is
+/// left by its number.
 fn resolve(path: &Path) -> PathBuf {
     let mut target = path.to_owned();
     for _ in 0..MAX_LINKS {
         match fs::read_link(&target) {
-            Ok(next) => target = folder_of(&target).join(next),
-            Err(_) => break,
+            Ok(next) if !is_open(&target) => target = folder_of(&target).join(next),
+            _ => break,
         }
     }
     target
+}
+
+/// Whether this names what a process has open, on Linux.
+fn is_open(target: &Path) -> bool {
+    target.starts_with("/proc") && target.is_symlink()
+}
+
+/// Whether this is written to rather than replaced: a device, a pipe, or what is open.
+fn is_stream(target: &Path) -> bool {
+    is_open(target) || fs::metadata(target).is_ok_and(|found| !found.is_file())
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -227,7 +243,13 @@ mod tests {
     #[test]
     fn folders_and_missing_folders_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        for path in [folder.path().to_owned(), folder.path().join("none/a.png")] {
+        let long = "x".repeat(300);
+        for path in [
+            folder.path().to_owned(),
+            folder.path().join("none/a.png"),
+            folder.path().join("a.png/"),
+            folder.path().join(long),
+        ] {
             assert!(matches!(check_writable(&path), Err(Failure::Input(_))), "{}", path.display());
         }
         assert_eq!(names(folder.path()), [""; 0], "checking creates nothing");
@@ -261,6 +283,24 @@ mod tests {
         fs::set_permissions(&ours, fs::Permissions::from_mode(0o640)).unwrap();
         write_all(&[(&ours, Vec::new())]).unwrap();
         assert_eq!(mode(&ours), 0o640, "kept when replaced");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_open_is_written_to_and_keeps_what_it_has() {
+        use std::os::fd::AsRawFd;
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("log"), folder.path().join("link.json"));
+        fs::write(&path, "old ").unwrap();
+        let open = File::options().append(true).open(&path).unwrap();
+        let number = PathBuf::from(format!("/proc/self/fd/{}", open.as_raw_fd()));
+        std::os::unix::fs::symlink(&number, &link).unwrap();
+        for name in [&number, &link] {
+            check_writable(name).unwrap();
+            write_all(&[(name, b"new ".to_vec())]).unwrap();
+        }
+        assert_eq!(fs::read(&path).unwrap(), b"old new new ");
+        assert_eq!(names(folder.path()), ["link.json", "log"], "no leftovers");
     }
 
     #[cfg(target_os = "linux")]

@@ -92,12 +92,19 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Record>, Failure> {
     let records: Result<Vec<Record>, csv::Error> = csv::Reader::from_reader(&bytes[..]).deserialize().collect();
     let refuse = |what: String| Failure::Input(format!("{}: {what}; give the CSV of a chart", path.display()));
     let records = records.map_err(|error| refuse(error.to_string()))?;
+    if records.is_empty() {
+        return Err(refuse("holds no rows".into()));
+    }
     for (number, record) in records.iter().enumerate() {
-        let known = [record.seconds, record.relmse, record.robust, record.quality];
-        // No axis with a logarithm has a place for 0, nor has any rendering such a time or such an error.
-        let has_place = known[..3].iter().all(|number| *number > 0.0) && record.quality >= 0.0;
-        if !has_place || known.iter().any(|number| !number.is_finite()) {
+        let Record { seconds, relmse, robust, quality, .. } = *record;
+        let others = [record.reference_relmse, record.reference_robust, record.flip, record.ratio_of_means];
+        let mut numbers = [relmse, robust, quality].into_iter().chain(others.into_iter().flatten());
+        // No axis with a logarithm has a place for 0 seconds; a picture without any error is drawn at its end.
+        if !(seconds > 0.0 && seconds.is_finite() && numbers.all(|number| number >= 0.0 && number.is_finite())) {
             return Err(refuse(format!("row {} has numbers that no rendering has", number + 1)));
+        }
+        if [&record.scene, &record.method].iter().any(|name| name.contains(char::is_control)) {
+            return Err(refuse(format!("row {} has a name with control characters", number + 1)));
         }
     }
     Ok(records)
@@ -133,7 +140,11 @@ mod tests {
         for bad in [
             "method,scene\na,b\n",
             "scene,method,quality,seconds,relmse,robust\na,b,1,-1,1,1\n",
-            "scene,method,quality,seconds,relmse,robust\na,b,1,1,0,1\n",
+            "scene,method,quality,seconds,relmse,robust\na,b,1,1,-0.1,1\n",
+            "scene,method,quality,seconds,relmse,robust,flip\na,b,1,1,0,1,nan\n",
+            "scene,method,quality,seconds,relmse,robust\na,\u{1b}b,1,1,0,1\n",
+            "scene,method,quality,seconds,relmse,robust\n",
+            "",
         ] {
             std::fs::write(&path, bad).unwrap();
             assert!(matches!(read(&path), Err(Failure::Input(line)) if line.contains("a.csv")), "{bad}");

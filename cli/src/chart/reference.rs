@@ -38,8 +38,19 @@ pub(crate) fn read(path: &Path, size: UVec2) -> Result<Reference, Failure> {
             variance_path.display()
         ));
     }
+    if let Some(variance) = &variance {
+        let refuse = |what: &str| {
+            Failure::Input(format!("{}: {what}; give the variance of {}", variance_path.display(), path.display()))
+        };
+        if variance.size != picture.size {
+            return Err(refuse("is of another size than its reference"));
+        }
+        if variance.pixels.iter().any(|pixel| !pixel.is_finite() || pixel.min_element() < 0.0) {
+            return Err(refuse("holds numbers that are negative or not finite"));
+        }
+    }
     let reference = Reference::new(picture.size, picture.pixels, variance.map(|variance| variance.pixels))
-        .map_err(|error| refuse(format!("{error}; its variance must be of the same size")))?;
+        .map_err(|error| refuse(error.to_string()))?;
     reference.shrunk(size).ok_or_else(|| {
         let own = reference.size();
         refuse(format!(

@@ -53,9 +53,10 @@ impl Axis {
         Self { from: from - missing, to: to + missing, start, end }
     }
 
+    /// Where a value is drawn, at the end of the axis where it is beyond that, as 0 is.
     fn place(&self, value: f64) -> f64 {
-        self.start
-            + (value.max(f64::MIN_POSITIVE).log10() - self.from) / (self.to - self.from) * (self.end - self.start)
+        let value = value.log10().clamp(self.from, self.to);
+        self.start + (value - self.from) / (self.to - self.from) * (self.end - self.start)
     }
 
     /// Values with a line, and whether that is a whole decade.
