@@ -35,7 +35,8 @@ pub(crate) struct FormPoint {
 /// Rounding of a position from f64 to f32, and a little for the root itself.
 const POSITION_ERROR: f32 = f32::EPSILON;
 
-/// After a crossing that is a hole the search goes on this share of t farther.
+/// After a crossing that is a hole the search goes on this share farther of t and of how far from the origin the ray starts, whose rounding may cross the surface time and again; and twice as far as before where it is
+/// met at once, as by a long ray that grazes it.
 const STEP: f64 = 1e-9;
 
 /// Returns the body of each copy; of the solid where it stands, if there is none.
@@ -78,6 +79,7 @@ impl Form {
     #[inline]
     pub(crate) fn first_hit(&self, primitive: u32, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let mut range = double_ray(ray);
+        let mut step = 0.0;
         loop {
             let crossing = self.body.first_hit(&range)?;
             #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32")]
@@ -87,7 +89,9 @@ impl Form {
             if t > ray.t_min && t < ray.t_max && (!self.cut_out || keep(&hit)) {
                 return Some(hit);
             }
-            range.t_min = crossing.t + STEP * crossing.t.abs().max(STEP);
+            let least = STEP * crossing.t.abs().max(range.origin.abs().max_element()).max(STEP);
+            step = if crossing.t - range.t_min < step { 2.0 * step } else { least };
+            range.t_min = crossing.t + step;
             if range.t_min >= range.t_max {
                 return None;
             }

@@ -27,10 +27,14 @@ impl Scene {
     /// ```
     pub fn holes(&self, ray: &Ray, end: f32) -> impl Iterator<Item = Surface> {
         let mut rest = Ray { t_max: end.min(ray.t_max), ..*ray };
+        let mut step = 0.0;
         let next = move || {
             let hit = self.nearest_where(&rest, |_| true)?;
-            rest.t_min = behind(hit.t);
-            Some(self.surface(&rest, &hit))
+            let surface = self.surface(&rest, &hit);
+            // A surface may be met time and again within the rounding of its place, and of a long ray that grazes it.
+            step = if hit.t - rest.t_min < step { 2.0 * step } else { surface.p_error };
+            rest.t_min = behind(hit.t).max(hit.t + step);
+            Some(surface)
         };
         let has_holes = |surface: &Surface| self.materials()[surface.material as usize].is_cut_out();
         std::iter::from_fn(next).take(if self.features().cut_outs { usize::MAX } else { 0 }).filter(has_holes)

@@ -39,7 +39,7 @@ impl<'a> Lines<'a> {
             self.bytes.drain(..3);
         }
         // A comment may end in the backslash of a Windows folder; it is not continued.
-        while self.bytes.last() == Some(&b'\\') && self.bytes.trim_ascii_start().first() != Some(&b'#') {
+        while self.bytes.last() == Some(&b'\\') && !has_comment(&self.bytes) {
             self.bytes.pop();
             self.bytes.push(b' ');
             if !self.append()? {
@@ -74,6 +74,11 @@ impl<'a> Lines<'a> {
     }
 }
 
+/// Whether the rest of a line is a comment, from some word on.
+fn has_comment(line: &[u8]) -> bool {
+    line.first() == Some(&b'#') || line.windows(2).any(|pair| pair[0].is_ascii_whitespace() && pair[1] == b'#')
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -89,8 +94,8 @@ mod tests {
 
     #[test]
     fn numbers_count_lines_of_the_file() {
-        let found = lines(b"\xef\xbb\xbfv 1\\\r\n 2 3\r\nf\n# C:\\dir\\\nlast");
-        let expected = [(1, "v 1  2 3"), (3, "f"), (4, "# C:\\dir\\"), (5, "last")];
+        let found = lines(b"\xef\xbb\xbfv 1\\\r\n 2 3\r\nf\n# C:\\dir\\\nv 1 # C:\\\nlast");
+        let expected = [(1, "v 1  2 3"), (3, "f"), (4, "# C:\\dir\\"), (5, "v 1 # C:\\"), (6, "last")];
         assert_eq!(found, expected.map(|(n, text)| (n, text.to_owned())), "BOM, CRLF, continuation, comment");
     }
 

@@ -226,6 +226,11 @@ fn faults_are_refused_by_line_and_field() {
             "invalid value: integer `-1`",
         ),
         ("[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]\nfaces = [[0, 1, 2]]", 1, "zero area"),
+        (
+            "[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\ntranslate = [1e8, 0, 0]",
+            1,
+            "rounded to zero area where they are moved to",
+        ),
         ("[[mesh]]\npositions = [[0, 0, nan]]\nfaces = [[0, 0, 0]]", 2, "positions: NaN at index 2 is out of range"),
         (
             "[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nuvs = [[0, 0]]\nfaces = [[0, 1, 2]]",

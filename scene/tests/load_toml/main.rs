@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use common::{assert_refused, load_files};
 use scene::freeform::{Operation, Psi};
 use scene::glam::{DVec3, UVec2, Vec3, Vec3A};
-use scene::{FileSettings, LoadOptions, Loaded, Noise, Pattern, Projection, PunctualLight, SpecularKind};
+use scene::{FileSettings, LoadOptions, Loaded, Noise, Pattern, Projection, PunctualLight, Ray, Scene, SpecularKind};
 
 const TRIANGLE: &str = "[[mesh]]\npositions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
 
@@ -331,6 +331,28 @@ fn surroundings_of_the_callers_choice_are_mended_for_embedded_scenes_too() {
     // The left half of the picture is on the side of +x.
     assert_eq!([Vec3A::X, Vec3A::NEG_X].map(|wi| surroundings.radiance(wi)), [Vec3::Y * 3.0, Vec3::splat(6.0)]);
     assert!(loaded.warnings.iter().any(|line| line.contains("NaN")), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn holes_of_what_a_ray_leaves_are_few_however_long_it_is() {
+    // The place of a crossing is known to some 1e-16 of the ray's length.
+    let scene = loaded(
+        "[[material]]\nname = 'veil'\nopacity = 0.5\n[[form]]\nmaterial = 'veil'\n\
+        complement = { quadric.one_sheet = { center = [0, 0, 0], axis = [0, 1, 0], radius = 9, slope = 1 } }\n\
+        clip = { min = [-10, -10, -10], max = [10, 10, 10] }\n",
+    );
+    let scene = Scene::new(scene.description).expect("a right scene");
+    let direction = |i: u32| {
+        let (angle, height) = (f64::from(i) * 2.4, f64::from(i % 100) / 50.0 - 0.99);
+        DVec3::new(angle.cos(), height, angle.sin()).normalize().as_vec3a()
+    };
+    let rays = (0..300).filter_map(|i| {
+        let inwards = Ray { t_max: 1e9, ..Ray::new(20.0 * direction(i), -direction(i)) };
+        let surface = scene.holes(&inwards, f32::INFINITY).next()?;
+        Some(Ray { t_max: 1e9, ..surface.spawn(direction(7 * i + 1)) })
+    });
+    let most = rays.map(|ray| scene.holes(&ray, f32::INFINITY).count()).max();
+    assert!((1..9).contains(&most.expect("the form is met")), "{most:?}");
 }
 
 #[test]

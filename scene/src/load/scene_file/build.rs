@@ -295,6 +295,10 @@ fn name_and_move(mesh: &mut Mesh, table: &Spanned<MeshTable>, source: &Source) -
             let what = format!("scaled beyond the limit of {:e} metres", limits::COORDINATE);
             return Err(source.place(table.span()).invalid(what, "scale it less"));
         }
+        if !obj::has_area(mesh) {
+            let what = "nothing to see, all faces are rounded to zero area where they are moved to";
+            return Err(source.place(table.span()).invalid(what, "move it less far, or scale it less down"));
+        }
     }
     Ok(())
 }
