@@ -79,7 +79,8 @@ impl ClassBias {
         let (count, sum, sum_sq) =
             terms.fold((0.0, 0.0, 0.0), |(count, sum, sum_sq), term| (count + 1.0, sum + term, sum_sq + term * term));
         let mean: f64 = sum / count;
-        let variance = (sum_sq / count - mean * mean).max(0.0) / (count - 1.0_f64).max(1.0);
+        // One tells nothing of its own error; it may be as large as itself.
+        let variance = if count > 1.0 { (sum_sq / count - mean * mean).max(0.0) / (count - 1.0) } else { sum_sq };
         #[expect(clippy::cast_possible_truncation, reason = "estimates")]
         let single = Self { sq: mean.max(0.0) as f32, error: variance.sqrt() as f32 };
         single
@@ -129,6 +130,14 @@ mod tests {
             assert!((sq - 9e-4).abs() < 3.0 * error && (5e-5..4e-4).contains(&error), "{sq} +- {error}");
         }
         assert!((bias.mean_sq - 0.25 * 9e-4).abs() < 1e-4, "{}", bias.mean_sq);
+    }
+
+    #[test]
+    fn one_pixel_is_not_certain() {
+        let bias = terms(3, |number, _| {
+            if number == 7 { Term { noise_sq: 1e-4, bias_sq: -2e-4 } } else { Term { noise_sq: 0.0, bias_sq: 0.0 } }
+        });
+        assert!((bias.of(1e-4).error / 2e-4 - 1.0).abs() < 1e-6 && bias.of(1e-4).sq == 0.0, "{bias:?}");
     }
 
     #[test]
