@@ -1,14 +1,15 @@
 //! `freelux mesh`: the free forms of a scene as an OBJ file, for other tools.
 
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use scene::freeform::{Bounds, SurfaceMesh};
-use scene::{Description, FormObject, LoadOptions};
+use scene::{Description, FormObject, LoadOptions, limits};
 
 use crate::args;
 use crate::failure::{Failure, note};
-use crate::files;
+use crate::files::{self, Staged};
 
 /// Write the free forms of a scene as closed meshes in an OBJ file.
 #[derive(Debug, clap::Args)]
@@ -43,11 +44,8 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
         note(&format!("warning: {warning}"));
     }
     let description = &loaded.description;
-    let chosen = chosen(description, args)?;
-    let (mut obj, mut before, mut triangles, mut bodies) = (Vec::new(), [0, 0], 0, 0);
-    for (index, form) in chosen {
-        let name: String =
-            if form.name.is_empty() { format!("form_{index}") } else { form.name.replace(char::is_whitespace, "_") };
+    let mut meshes = Vec::new();
+    for (index, form) in chosen(description, args)? {
         let refused =
             |why: String| Failure::Input(format!("{}: form {index} \"{}\": {why}", args.scene.display(), form.name));
         let mesh = form.solid.to_mesh(f64::from(args.cell)).map_err(|error| refused(error.to_string()))?;
@@ -56,19 +54,40 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
                 "no corner of a cell is inside; take a smaller cell, or choose others by --form".into(),
             ));
         }
-        let mesh = with_texture_coordinates(mesh, form, description);
+        let name =
+            if form.name.is_empty() { format!("form_{index}") } else { form.name.replace(char::is_whitespace, "_") };
         let copies: &[_] = if args.once { &[] } else { &form.copies };
-        let alone = copies.is_empty().then(|| mesh.clone());
-        for (copy, mesh) in alone.into_iter().chain(copies.iter().map(|copy| mesh.transformed(copy))).enumerate() {
-            let name = if copies.is_empty() { name.clone() } else { format!("{name}_{copy}") };
-            let written = mesh.write_obj(&name, before, &mut obj);
-            written.map_err(|error| Failure::unwritable(&args.out, &error))?;
-            before = [before[0] + mesh.positions.len(), before[1] + mesh.uvs.len()];
-            triangles += mesh.triangles.len();
-            bodies += 1;
-        }
+        meshes.push((name, with_texture_coordinates(mesh, form, description), copies));
     }
-    files::write_all(&[(&args.out, obj)])?;
+    let triangles: usize = meshes.iter().map(|(_, mesh, copies)| copies.len().max(1) * mesh.triangles.len()).sum();
+    if triangles > limits::TRIANGLES {
+        return Err(Failure::Input(format!(
+            "{}: {triangles} triangles with all copies, more than the limit of {}; take a larger cell, or --once",
+            args.scene.display(),
+            limits::TRIANGLES
+        )));
+    }
+    let (mut before, mut bodies) = ([0, 0], 0);
+    let mut staged = Staged::default();
+    staged.add(&args.out, |mut out| {
+        let mut write = |name: &str, mesh: &SurfaceMesh| -> io::Result<()> {
+            mesh.write_obj(name, before, &mut out)?;
+            before = [before[0] + mesh.positions.len(), before[1] + mesh.uvs.len()];
+            bodies += 1;
+            Ok(())
+        };
+        for (name, mesh, copies) in &meshes {
+            if copies.is_empty() {
+                write(name, mesh)?;
+            }
+            // One at a time: a million of them need not fit into memory.
+            for (number, copy) in copies.iter().enumerate() {
+                write(&format!("{name}_{number}"), &mesh.transformed(copy))?;
+            }
+        }
+        Ok(())
+    })?;
+    staged.finish()?;
     note(&format!("{}: {bodies} forms, {} vertices, {triangles} triangles", args.out.display(), before[0]));
     Ok(ExitCode::SUCCESS)
 }

@@ -5,9 +5,10 @@ mod common;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
-    LayerAttributes, Vec2 as Size, WritableImage,
+    LayerAttributes, SpecificChannels, Vec2 as Size, WritableImage,
 };
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
 use scene::glam::{Vec2, Vec3, Vec3A};
@@ -224,13 +225,45 @@ fn hdr_pictures_load() {
 }
 
 #[test]
+fn other_primaries_are_told() {
+    let warned = |name: &str, bytes: &[u8]| {
+        let warnings = with_environment(name, bytes).unwrap().warnings;
+        warnings.iter().filter(|line| line.contains(&format!("{name}: its primaries"))).count()
+    };
+    let hdr = |line: &str| format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n{line}\n-Y 1 +X 1\n0000").into_bytes();
+    let exr = |red: (f32, f32)| {
+        let pixels = SpecificChannels::rgb(|_| (1.0, 1.0, 1.0));
+        let mut image = Image::from_layer(Layer::new((4, 3), LayerAttributes::default(), Encoding::default(), pixels));
+        let [green, blue, white] = [(0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)].map(Size::from);
+        image.attributes.chromaticities = Some(Chromaticities { red: red.into(), green, blue, white });
+        let mut file = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut file).expect("an EXR is written");
+        file.into_inner()
+    };
+    let usual = [
+        ("e.hdr", hdr("")),
+        ("e.hdr", hdr("PRIMARIES= 0.640 0.330 0.290 0.600 0.150 0.060 0.333 0.333\n")),
+        ("e.hdr", hdr("PRIMARIES=0 0 0 0 0 0 0 0\n")),
+        ("e.exr", exr_file(&["R", "G", "B"], Compression::ZIP16, |_| 1.0)),
+        ("e.exr", exr((0.64, 0.33))),
+    ];
+    assert_eq!(usual.map(|(name, bytes)| warned(name, &bytes)), [0; 5], "what is known");
+    let other = [
+        ("e.hdr", hdr("PRIMARIES=0.708 0.292 0.170 0.797 0.131 0.046 0.3127 0.329\n")),
+        ("e.hdr", hdr("PRIMARIES=wide\n")),
+        ("e.exr", exr((0.713, 0.293))),
+    ];
+    assert_eq!(other.map(|(name, bytes)| warned(name, &bytes)), [1; 3], "what is not");
+}
+
+#[test]
 fn hostile_hdr_files_are_refused() {
     let header = |size: &str| format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n").into_bytes();
     assert_refused("e.hdr", b"RADIANCE\n\n-Y 1 +X 1\n0000", "neither PNG, JPEG, HDR nor EXR");
     assert_refused("e.hdr", &header("-Y 1 +X 0"), "");
     assert_refused("e.hdr", &header("-Y 100000 +X 100000"), "more than the limit");
     assert_refused("e.hdr", &header("-Y 10000 +X 10000"), "cannot be true");
-    assert_refused("e.hdr", &header("+Y 1 -X 1"), "damaged");
+    assert_refused("e.hdr", &header("+Y 1 -X 1"), "save the picture in another way");
     assert_refused("e.hdr", &header("-Y 2 +X 8"), "damaged");
     let mut overrun = header("-Y 1 +X 8");
     overrun.extend([2, 2, 0, 8, 255, 1, 1, 1, 1, 1, 1, 1]);

@@ -49,8 +49,14 @@ fn what_has_no_mesh_is_refused() {
     let endless = "[[form]]\nname = \"rod\"\nquadric.cylinder = { point = [0, 0, 0], axis = [0, 1, 0], radius = 1 }\n";
     fs::write(folder.path().join("a.toml"), endless).unwrap();
     fs::write(folder.path().join("b.toml"), BALLS).unwrap();
+    fs::write(
+        folder.path().join("many.toml"),
+        format!("{BALLS}repeat = {{ count = [100, 10, 100], step = [2, 2, 2] }}\n"),
+    )
+    .unwrap();
     for (words, why) in [
         ("mesh a.toml --cell 0.1 --out a.obj", "no form has bounds; clip one"),
+        ("mesh many.toml --cell 0.02 --out a.obj", "take a larger cell, or --once"),
         ("mesh a.toml --cell 0.1 --form rod --out a.obj", "\"rod\": the form has no bounds; clip it"),
         ("mesh b.toml --cell 0.1 --form rod --out a.obj", "no form \"rod\"; give a name, or a number below 2"),
         ("mesh b.toml --cell 10 --form 1 --out a.obj", "no corner of a cell is inside"),
@@ -61,7 +67,7 @@ fn what_has_no_mesh_is_refused() {
     ] {
         freelux_words(folder.path(), words).expect_refused(2, why);
     }
-    assert_eq!(names(folder.path()), ["a.toml", "b.toml"], "nothing was written");
+    assert_eq!(names(folder.path()), ["a.toml", "b.toml", "many.toml"], "nothing was written");
 }
 
 #[test]

@@ -101,7 +101,7 @@ impl Picture {
     /// # Errors
     /// As [`Picture::read`].
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Self, LoadError> {
-        let Decoded { size, format, data } = Decoded::new(bytes, Place::file(path))?;
+        let Decoded { size, format, data, .. } = Decoded::new(bytes, Place::file(path))?;
         let pixels = match data {
             Data::Linear(pixels, _) => pixels,
             Data::Coded(picture) => {
@@ -131,7 +131,10 @@ pub(super) fn read(
 ) -> Result<(UVec2, Pixels), LoadError> {
     let bytes = files.read(path, place, limits::FILE_BYTES)?;
     let file = Place::file(path);
-    let Decoded { size, data, .. } = Decoded::new(&bytes, file)?;
+    let Decoded { size, data, has_other_primaries, .. } = Decoded::new(&bytes, file)?;
+    if has_other_primaries {
+        warnings.add(format!("{file}: its primaries are not those of Rec. 709, colours are taken as if they were"));
+    }
     let pixels = match data {
         Data::Linear(mut pixels, alpha) => {
             warnings.add_times(format!("{file}: NaN, infinite or negative values replaced"), mend(&mut pixels));
@@ -150,6 +153,8 @@ pub(super) fn read(
 struct Decoded {
     size: UVec2,
     format: PictureFormat,
+    /// Whether the file says that its colours are not those of Rec. 709.
+    has_other_primaries: bool,
     data: Data,
 }
 
@@ -168,12 +173,11 @@ impl Decoded {
         };
         let kind = match format {
             PictureFormat::Exr => {
-                let ExrPicture { size, pixels, alpha } = picture_exr::decode(bytes, file)?;
-                return Ok(Self { size, format, data: Data::Linear(pixels, alpha) });
+                let ExrPicture { size, has_other_primaries, pixels, alpha } = picture_exr::decode(bytes, file)?;
+                return Ok(Self { size, format, has_other_primaries, data: Data::Linear(pixels, alpha) });
             }
             PictureFormat::Hdr => {
-                let (size, pixels) = decode_hdr(bytes, file)?;
-                return Ok(Self { size, format, data: Data::Linear(pixels, None) });
+                return decode_hdr(bytes, file);
             }
             PictureFormat::Png => ImageFormat::Png,
             PictureFormat::Jpeg => ImageFormat::Jpeg,
@@ -188,28 +192,45 @@ impl Decoded {
         let unpacked = u64::from(decoder.color_type().bytes_per_pixel());
         check_size(width.into(), height.into(), unpacked, bytes.len(), file)?;
         let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-        Ok(Self { size: UVec2::new(width, height), format, data: Data::Coded(picture) })
+        let size = UVec2::new(width, height);
+        Ok(Self { size, format, has_other_primaries: false, data: Data::Coded(picture) })
     }
 }
 
 /// Decodes a Radiance picture; what it says of exposure and colour correction is undone, which leaves radiance.
-fn decode_hdr(bytes: &[u8], file: Place<'_>) -> Result<(UVec2, Vec<Vec3>), LoadError> {
+fn decode_hdr(bytes: &[u8], file: Place<'_>) -> Result<Decoded, LoadError> {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|error| damaged(&error, file))?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into(), 12, bytes.len(), file)?;
-    let HdrMetadata { exposure, color_correction, .. } = decoder.metadata();
+    let HdrMetadata { exposure, color_correction, custom_attributes, .. } = decoder.metadata();
     let factor = exposure.unwrap_or(1.0) * color_correction.map_or(Vec3::ONE, Vec3::from);
     if !(factor.min_element() > 0.0 && factor.is_finite()) {
         let what = format!("EXPOSURE and COLORCORR make a factor of {factor}");
         return Err(file.invalid(what, "remove these lines, or give numbers above 0"));
     }
+    let named = custom_attributes.iter().rfind(|(key, _)| key == "PRIMARIES");
+    let numbers =
+        named.map(|(_, value)| value.split_whitespace().filter_map(|word| word.parse().ok()).collect::<Vec<_>>());
+    let has_other_primaries = numbers.is_some_and(|numbers| !is_rec_709(&numbers));
     let picture = DynamicImage::from_decoder(decoder).map_err(|error| damaged(&error, file))?;
     let pixels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from_array(pixel.0) / factor).collect();
-    Ok((UVec2::new(width, height), pixels))
+    let (size, data) = (UVec2::new(width, height), Data::Linear(pixels, None));
+    Ok(Decoded { size, format: PictureFormat::Hdr, has_other_primaries, data })
+}
+
+/// Whether x and y of red, green, blue and white are those of Rec. 709, or as near as those that Radiance takes where it is not told. Zeros tell nothing.
+pub(super) fn is_rec_709(chromaticities: &[f32]) -> bool {
+    const REC_709: [f32; 8] = [0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329];
+    const NEAR: f32 = 0.025;
+    let is_near = |known: [f32; 8]| chromaticities.iter().zip(known).all(|(x, known)| (x - known).abs() < NEAR);
+    chromaticities.len() == REC_709.len() && (is_near(REC_709) || is_near([0.0; 8]))
 }
 
 fn damaged(error: &image::ImageError, file: Place<'_>) -> LoadError {
-    file.invalid(format!("the picture is damaged: {error}"), "get the file again")
+    match error {
+        image::ImageError::Unsupported(_) => file.unsupported(error.to_string(), "save the picture in another way"),
+        _ => file.invalid(format!("the picture is damaged: {error}"), "get the file again"),
+    }
 }
 
 /// Refuses a size beyond the limits, before memory is taken for it. `unpacked` is the bytes that decoding takes for a pixel.

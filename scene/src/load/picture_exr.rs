@@ -8,11 +8,13 @@ use exr::prelude::{Compression, ReadChannels, ReadLayers, Vec2 as Size, read};
 use glam::{UVec2, Vec3};
 
 use super::error::{LoadError, Place};
-use super::picture::check_size;
+use super::picture::{check_size, is_rec_709};
 
 /// What a file holds within its display window; it is black where no pixel is given.
 pub(super) struct ExrPicture {
     pub(super) size: UVec2,
+    /// Whether the file says that its colours are not those of Rec. 709.
+    pub(super) has_other_primaries: bool,
     /// Rows from the top.
     pub(super) pixels: Vec<Vec3>,
     /// Of each pixel, where there is a channel A.
@@ -32,6 +34,10 @@ pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<ExrPicture, LoadEr
         return Err(no_rgb(&meta, file));
     };
     let display = header.shared_attributes.display_window;
+    let has_other_primaries = header.shared_attributes.chromaticities.is_some_and(|told| {
+        let points = [told.red, told.green, told.blue, told.white];
+        !is_rec_709(points.map(|Size(x, y)| [x, y]).as_flattened())
+    });
     let Size(width, height) = display.size;
     let offset = header.own_attributes.layer_position - display.position;
     let layer_size = header.layer_size;
@@ -64,7 +70,8 @@ pub(super) fn decode(bytes: &[u8], file: Place<'_>) -> Result<ExrPicture, LoadEr
         return Err(file.unsupported("parts of different sizes", "save the picture as one part"));
     }
     let side = |n: usize| u32::try_from(n).map_err(|_| file.too_large("a side beyond 32 bits", "shrink it"));
-    Ok(ExrPicture { size: UVec2::new(side(width)?, side(height)?), pixels, alpha })
+    let size = UVec2::new(side(width)?, side(height)?);
+    Ok(ExrPicture { size, has_other_primaries, pixels, alpha })
 }
 
 /// Size of the data window; pixels and alpha of the display window.
