@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::{UVec2, Vec3};
 use integrator::{Method, Study};
+use scene::limits;
 
 /// A picture's size, `WIDTHxHEIGHT`. What is too large for 32 bits becomes the largest number, which the limit refuses.
 pub(crate) fn size(text: &str) -> Result<UVec2, String> {
@@ -19,6 +20,9 @@ pub(crate) fn size(text: &str) -> Result<UVec2, String> {
 pub(crate) fn vector(text: &str) -> Result<Vec3, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|number| finite(number.trim()).ok()).collect();
     match numbers.as_deref() {
+        Some(numbers) if numbers.iter().any(|x| f64::from(x.abs()) > limits::COORDINATE) => {
+            Err(format!("its numbers must be from {:e} to {:e}", -limits::COORDINATE, limits::COORDINATE))
+        }
         Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
         _ => Err("write it as three numbers, 0,1.5,-3".to_owned()),
     }
@@ -147,25 +151,30 @@ pub(crate) struct Output {
     pub(crate) kind: OutputKind,
 }
 
-impl FromStr for Output {
-    type Err = String;
+impl TryFrom<PathBuf> for Output {
+    type Error = &'static str;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let path = PathBuf::from(text);
+    fn try_from(path: PathBuf) -> Result<Self, Self::Error> {
         let suffix = path.extension().and_then(|suffix| suffix.to_str()).map(str::to_ascii_lowercase);
         match suffix.as_deref() {
             Some("exr") => Ok(Self { path, kind: OutputKind::Exr }),
             Some("png") => Ok(Self { path, kind: OutputKind::Png }),
-            _ => Err("its suffix must be .exr or .png".to_owned()),
+            _ => Err("its suffix must be .exr or .png"),
         }
     }
 }
 
+/// A picture to be written, by any name that files can have.
+pub(crate) fn output() -> impl TypedValueParser<Value = Output> {
+    PathBufValueParser::new().try_map(Output::try_from)
+}
+
 /// A cloud of points to be written.
-pub(crate) fn ply(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    let is_ply = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ply"));
-    if is_ply { Ok(path) } else { Err("its suffix must be .ply".to_owned()) }
+pub(crate) fn ply() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        let is_ply = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ply"));
+        if is_ply { Ok(path) } else { Err("its suffix must be .ply") }
+    })
 }
 
 #[cfg(test)]
@@ -186,7 +195,7 @@ mod tests {
     #[test]
     fn vectors() {
         assert_eq!(vector("-1, 2.5,3e2"), Ok(Vec3::new(-1.0, 2.5, 300.0)), "signs, spaces and exponents");
-        for text in ["1,2", "1,2,3,4", "1,2,nan", "1,2,inf", "1,2,1e99", "a,b,c", ""] {
+        for text in ["1,2", "1,2,3,4", "1,2,nan", "1,2,inf", "1,2,1e99", "1,2,-1e10", "a,b,c", ""] {
             assert!(vector(text).is_err(), "{text:?}");
         }
     }
@@ -227,10 +236,11 @@ mod tests {
 
     #[test]
     fn the_suffix_decides() {
-        assert_eq!("a/b.EXR".parse::<Output>().unwrap().kind, OutputKind::Exr, "in capitals too");
-        assert_eq!("a.exr.png".parse::<Output>().unwrap().kind, OutputKind::Png, "the last one");
+        let output = |text: &str| Output::try_from(PathBuf::from(text));
+        assert_eq!(output("a/b.EXR").unwrap().kind, OutputKind::Exr, "in capitals too");
+        assert_eq!(output("a.exr.png").unwrap().kind, OutputKind::Png, "the last one");
         for text in ["a", "a.jpg", ".png", "", "a/"] {
-            assert!(text.parse::<Output>().is_err(), "{text:?}");
+            assert!(output(text).is_err(), "{text:?}");
         }
     }
 }

@@ -38,7 +38,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "E", value_parser = args::error, allow_hyphen_values = true, conflicts_with = "spp")]
     error: Option<f32>,
     /// Picture to write, .exr or .png; may be given twice [default: freelux.exr and freelux.png]
-    #[arg(long, short, value_name = "FILE.exr|.png")]
+    #[arg(long, short, value_name = "FILE.exr|.png", value_parser = args::output())]
     out: Vec<Output>,
     /// Write this term of the picture alone
     #[arg(long, value_enum)]
@@ -48,7 +48,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     rungs: bool,
     /// Write where the records of the cache are, how far they reach and how much light they have, as a cloud of points
-    #[arg(long, value_name = "FILE.ply", value_parser = args::ply)]
+    #[arg(long, value_name = "FILE.ply", value_parser = args::ply())]
     records: Option<PathBuf>,
     /// Exposure of the PNG in stops: 0 shows radiance 1 as white [default: the
     /// scene's, or what brings nine tenths of the picture below a half]
@@ -80,7 +80,9 @@ impl RenderArgs {
             return Err(Failure::Input(what));
         }
         let outputs = match &self.out[..] {
-            [] => ["freelux.exr", "freelux.png"].map(|name| name.parse().expect("a known suffix")).to_vec(),
+            [] => ["freelux.exr", "freelux.png"]
+                .map(|name| Output::try_from(PathBuf::from(name)).expect("a known suffix"))
+                .to_vec(),
             given => given.to_vec(),
         };
         let written = self.written(&outputs);

@@ -55,6 +55,7 @@ fn wrong_arguments_are_refused_in_one_line() {
         ("render --eye 1,2", "--eye"),
         ("render --eye 1,2,nan", "--eye"),
         ("render --at 1e99,0,0", "--at"),
+        ("render --at 1e20,0,0", "its numbers must be from -1e9 to 1e9"),
         ("render --eye --at 1,2,3", "--eye"),
         ("render --eye 1,2,3 --at 1,2,3", "--eye and --at"),
         ("render --eye 0,0,0 --at 0,5,0 --up 0,-1,0", "--up"),

@@ -240,6 +240,18 @@ fn exposure_brightens_the_png_alone() {
     assert_eq!(read("0.exr"), read("2.exr"), "the EXR is not exposed");
 }
 
+#[cfg(unix)]
+#[test]
+fn names_of_files_need_not_be_text() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = folder();
+    let name = std::ffi::OsStr::from_bytes(b"a\xff.png");
+    let scene = data("study/cornell/scene.toml");
+    let words = ["render".as_ref(), scene.as_os_str(), "--size=2x2".as_ref(), "--out".as_ref(), name];
+    freelux(folder.path(), &words).expect_done();
+    assert!(folder.path().join(name).exists(), "{:?}", names(folder.path()));
+}
+
 #[test]
 fn surroundings_light_the_embedded_scene_too() {
     let folder = folder();
