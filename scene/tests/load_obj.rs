@@ -25,6 +25,19 @@ fn assert_warned(loaded: &Loaded, part: &str) {
 }
 
 #[test]
+fn rounding_far_from_the_origin_is_told() {
+    // Two triangles of such a size, so far away.
+    let warned = |size: f64, far: f64| {
+        let corner = |x: f64, z: f64| format!("v {} {far} {}\n", far + size * x, size * z);
+        let corners: String = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, z)| corner(x, z)).concat();
+        let loaded = loaded(&format!("{corners}f 1 2 3\nf 2 4 3\n"));
+        loaded.warnings.iter().any(|line| line.contains("so far from the origin that places are rounded to"))
+    };
+    assert!(!warned(1.0, 0.0) && !warned(100.0, 1e5) && !warned(1e-3, 1.0), "where it does not matter");
+    assert!(warned(1.0, 5e6) && warned(10.0, 5e6) && warned(1e-3, 1e3), "where it does");
+}
+
+#[test]
 fn faults_are_refused_by_line() {
     let table: &[(&str, usize, &str)] = &[
         ("f 0 1 2\n", 4, "index 0"),

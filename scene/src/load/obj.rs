@@ -11,6 +11,7 @@ use super::lines::Lines;
 use super::obj_reader::{Face, ObjReader};
 use super::polygon::Cutter;
 use super::warnings::Warnings;
+use crate::bounds::Aabb;
 use crate::description::{Mesh, NO_INDEX};
 
 /// An OBJ file: a mesh whose `materials` point into `names`.
@@ -102,6 +103,9 @@ fn assemble(
     }
     warnings.add_times(format!("{file}: faces with missing normals or normals of length zero taken as flat"), flat);
     warnings.add_times(format!("{file}: polygons without area left out"), empty);
+    if let Some(rounding) = coarse_rounding(&mesh) {
+        warnings.add(format!("{file}: so far from the origin that places are rounded to {rounding} m; move it nearer"));
+    }
     // No face uses them any longer, and a scene has no normals of length zero.
     mesh.normals.iter_mut().filter(|n| **n == Vec3::ZERO).for_each(|n| *n = Vec3::Y);
     if faces.is_empty() {
@@ -111,6 +115,27 @@ fn assemble(
         return Err(file.invalid("nothing to see, all faces are of zero area", "check the coordinates"));
     }
     Ok(mesh)
+}
+
+/// Returns to how many metres places are rounded, where the mesh is so far from the origin that its triangles suffer.
+fn coarse_rounding(mesh: &Mesh) -> Option<f32> {
+    /// Sizes of the mesh: nearer ones are no farther than it has to be.
+    const FAR: f32 = 4.0;
+    /// Share of a usual side.
+    const COARSE: f64 = 0.01;
+    let bounds = Aabb::of_points(&mesh.positions);
+    let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if farthest < FAR * bounds.radius() {
+        return None;
+    }
+    let rounding = farthest.next_up() - farthest;
+    let longest_sq = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].as_dvec3());
+        a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
+    };
+    let sides = mesh.triangles.iter().map(longest_sq).filter(|&square| square > 0.0);
+    let (logarithms, count) = sides.fold((0.0, 0.0), |(sum, count), square| (sum + 0.5 * square.ln(), count + 1.0));
+    (f64::from(rounding) > COARSE * (logarithms / count).exp()).then_some(rounding)
 }
 
 /// Whether any triangle has an area.
