@@ -7,12 +7,13 @@ mod svg;
 mod sweep;
 mod table;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use glam::UVec2;
+use integrator::metrics::Reference;
 
 use self::record::Record;
 use self::sweep::{Subject, Sweep};
@@ -88,14 +89,27 @@ pub(crate) fn run(args: &ChartArgs) -> Result<ExitCode, Failure> {
         records.extend(record::read(path)?);
     }
     let added = records.iter().map(|record| record.scene.clone());
-    check_names(added.chain(args.scenes.iter().map(|path| scene_name(path))))?;
+    let names: BTreeSet<String> = added.chain(args.scenes.iter().map(|path| scene_name(path))).collect();
+    check_names(&names)?;
     fs::create_dir_all(&args.out).map_err(|error| {
         Failure::Input(format!("{}: the folder cannot be made: {error}; choose another", args.out.display()))
     })?;
-    files::check_writable(&args.out.join(CSV))?;
+    let charts = names.iter().map(|scene| chart_name(scene));
+    for name in [CSV, MARKDOWN].map(str::to_owned).into_iter().chain(charts) {
+        files::check_writable(&args.out.join(name))?;
+    }
     pool(args.threads)?.install(|| args.measure(&qualities, &mut records))?;
     args.write(&records)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// A scene that is to be rendered.
+struct Job {
+    subject: Subject,
+    size: UVec2,
+    reference_path: PathBuf,
+    /// What lies there; `None` where it is to be made.
+    reference: Option<Reference>,
 }
 
 /// Names of the files in the folder.
@@ -124,25 +138,46 @@ impl ChartArgs {
         Ok(qualities)
     }
 
-    /// Loads all scenes, so that what is wrong with one is told before another is rendered.
-    fn load(&self) -> Result<Vec<(&Path, Subject)>, Failure> {
-        let mut loaded: Vec<(&Path, Subject)> = Vec::new();
+    /// Loads all scenes and the references that there are, so that what is wrong with one is told before another is rendered.
+    fn load(&self) -> Result<Vec<Job>, Failure> {
+        let mut jobs: Vec<Job> = Vec::new();
         for path in &self.scenes {
             let name = scene_name(path);
-            if loaded.iter().any(|(_, other)| other.name == name) {
+            if jobs.iter().any(|other| other.subject.name == name) {
                 let path = path.display();
                 return Err(Failure::Input(format!("{path}: a second scene of the name {name}; rename it")));
             }
-            loaded.push((path, Subject::load(path, name)?));
+            let subject = Subject::load(path, name)?;
+            let size = self.size.or(subject.size).unwrap_or(DEFAULT_SIZE);
+            let beside = path.with_file_name("reference.exr");
+            let (reference_path, is_there) = if let Some(given) = &self.reference {
+                (given.clone(), true)
+            } else if beside.exists() {
+                (beside, true)
+            } else {
+                let file = format!("{}.{}x{}.{}spp.exr", file_name(&subject.name), size.x, size.y, self.reference_spp);
+                let kept = self.out.join(file);
+                let is_kept = kept.exists();
+                (kept, is_kept)
+            };
+            let reference = if is_there {
+                Some(reference::read(&reference_path, size)?)
+            } else {
+                files::check_writable(&reference_path)?;
+                None
+            };
+            jobs.push(Job { subject, size, reference_path, reference });
         }
-        Ok(loaded)
+        Ok(jobs)
     }
 
     /// Renders all scenes. The CSV is written after each picture, so that what was measured is kept whatever happens.
     fn measure(&self, qualities: &[f32], records: &mut Vec<Record>) -> Result<(), Failure> {
-        for (path, subject) in self.load()? {
-            let size = self.size.or(subject.size).unwrap_or(DEFAULT_SIZE);
-            let (reference, reference_path) = self.reference(path, &subject, size)?;
+        for Job { subject, size, reference_path, reference } in self.load()? {
+            let reference = match reference {
+                Some(reference) => reference,
+                None => reference::make(&reference_path, &subject.scene, &subject.name, size, self.reference_spp)?,
+            };
             let sweep = Sweep {
                 methods: &self.methods,
                 qualities,
@@ -159,26 +194,6 @@ impl ChartArgs {
         Ok(())
     }
 
-    /// The reference that was named, the one beside the scene, or one that is made.
-    fn reference(
-        &self,
-        scene: &Path,
-        subject: &Subject,
-        size: UVec2,
-    ) -> Result<(integrator::metrics::Reference, PathBuf), Failure> {
-        let given = self.reference.clone().or_else(|| {
-            let beside = scene.with_file_name("reference.exr");
-            beside.exists().then_some(beside)
-        });
-        if let Some(path) = given {
-            return Ok((reference::read(&path, size)?, path));
-        }
-        let file = format!("{}.{}x{}.{}spp.exr", file_name(&subject.name), size.x, size.y, self.reference_spp);
-        let path = self.out.join(file);
-        let reference = reference::kept_or_made(&path, &subject.scene, &subject.name, size, self.reference_spp)?;
-        Ok((reference, path))
-    }
-
     /// Writes the CSV, a chart for each scene and the tables; prints the tables too.
     fn write(&self, records: &[Record]) -> Result<(), Failure> {
         let mut markdown = format!("# Error against time\n\n{}\n", table::LEGEND);
@@ -193,7 +208,7 @@ impl ChartArgs {
             let of_scene: Vec<&Record> = records.iter().filter(|record| record.scene == scene).collect();
             let lines = lines::lines(records, scene);
             let facts = facts(&of_scene);
-            let picture = format!("{}.svg", file_name(scene));
+            let picture = chart_name(scene);
             let texts = svg::Texts {
                 title: scene,
                 notes: &facts,
@@ -248,18 +263,21 @@ fn scene_name(path: &Path) -> String {
 }
 
 /// Refuses scenes whose charts, and references, would be the same file.
-fn check_names(scenes: impl Iterator<Item = String>) -> Result<(), Failure> {
-    let mut by_file: BTreeMap<String, String> = BTreeMap::new();
+fn check_names(scenes: &BTreeSet<String>) -> Result<(), Failure> {
+    let mut by_file = BTreeMap::new();
     for scene in scenes {
         // Some systems take capitals for small letters.
-        let file = file_name(&scene).to_lowercase();
-        let other = by_file.entry(file).or_insert_with(|| scene.clone());
-        if *other != scene {
+        if let Some(other) = by_file.insert(file_name(scene).to_lowercase(), scene) {
             let what = format!("the charts of the scenes {other} and {scene} would be the same file");
             return Err(Failure::Input(format!("{what}; rename one of them")));
         }
     }
     Ok(())
+}
+
+/// The file of a scene's chart.
+fn chart_name(scene: &str) -> String {
+    format!("{}.svg", file_name(scene))
 }
 
 /// A name that every system takes for a file.

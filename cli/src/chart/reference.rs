@@ -60,17 +60,8 @@ pub(crate) fn read(path: &Path, size: UVec2) -> Result<Reference, Failure> {
     })
 }
 
-/// Reads the reference that an earlier chart left at `path`, or renders it with `spp` samples a pixel and leaves it there.
-pub(crate) fn kept_or_made(
-    path: &Path,
-    scene: &Scene,
-    name: &str,
-    size: UVec2,
-    spp: u32,
-) -> Result<Reference, Failure> {
-    if path.exists() {
-        return read(path, size);
-    }
+/// Renders a reference with `spp` samples a pixel and leaves it at `path`, with its variance.
+pub(crate) fn make(path: &Path, scene: &Scene, name: &str, size: UVec2, spp: u32) -> Result<Reference, Failure> {
     note(&format!("{name}: rendering the reference by path, {spp} samples a pixel"));
     let refuse = |error: MetricsError| Failure::Run(format!("{name}: {error}"));
     let mut batches = Batches::new(size);

@@ -195,4 +195,19 @@ fn wrong_charts_are_refused_in_one_line() {
     let reference = data("study/cornell/reference.exr");
     let args = ["chart", "one/scene.toml", "--out=a", "--size=100x100", "--reference", reference.to_str().unwrap()];
     freelux(folder.path(), &args).expect_refused(2, "are not blocks of 100 x 100");
+
+    // All is looked at before a picture is made: nothing is told but what is wrong.
+    fs::write(folder.path().join("room-1/reference.exr"), "no picture").unwrap();
+    fs::create_dir_all(folder.path().join("taken/one.svg")).unwrap();
+    let long = format!("{}.toml", "l".repeat(248));
+    for (name, copy) in [("scene.toml", long.as_str()), ("scene.obj", "scene.obj"), ("scene.mtl", "scene.mtl")] {
+        fs::copy(folder.path().join("one").join(name), folder.path().join(copy)).unwrap();
+    }
+    for (words, named) in [
+        ("chart one/scene.toml room-1/scene.toml --out b --size 4x4", "room-1/reference.exr"),
+        ("chart one/scene.toml --out taken --size 4x4", "one.svg: is a folder"),
+        (&format!("chart {long} --out b --size 4x4"), "cannot be written there"),
+    ] {
+        freelux_words(folder.path(), words).expect_refused(2, named);
+    }
 }
