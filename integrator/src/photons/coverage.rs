@@ -16,6 +16,9 @@ const ROW: u32 = 4;
 /// Rays that a test takes, the one to its apex included.
 pub(super) const RAYS: usize = (ROW * ROW) as usize + 1;
 
+/// Rounding of places, as a share of the largest coordinate.
+const ROUNDING: f32 = 8.0 * f32::EPSILON;
+
 /// How photons inside a disc count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kernel {
@@ -45,7 +48,8 @@ pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, kern
     let mut rng = Rng::new(seed, 0);
     // The apex stands as high as the disc is wide, or half way below what is in the way. Its ray starts a little above the point, which
     // is rounded and may lie behind the surface.
-    let start = 1e-3 * radius;
+    let rounding = ROUNDING * p.abs().max_element();
+    let start = (1e-3 * radius).max(rounding);
     let up = Ray { t_max: radius, ..Ray::new(p + n * start, n) };
     let height = start + scene.intersect(&up).map_or(radius, |hit| 0.5 * hit.t);
     let apex = p + n * height;
@@ -61,7 +65,7 @@ pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, kern
         let ray = Ray::new(apex, way / distance);
         let counts = |surface: Surface| {
             surface.ng.dot(n) > SAME_NORMAL
-                && (surface.p - p).dot(n).abs() < SAME_PLANE * radius
+                && (surface.p - p).dot(n).abs() < SAME_PLANE * radius + rounding
                 && scene.materials()[surface.material as usize].is_diffuse()
         };
         let hit = scene.intersect(&ray);
@@ -124,5 +128,19 @@ mod tests {
         let ceiling = [Vec3::Z * 0.01, Vec3::X, Vec3::Y];
         let beneath = mean(&scene(&[FLOOR, ceiling]), Vec3A::new(0.5, 0.5, 0.0), 0.1);
         assert_eq!(beneath, 1.0, "a ceiling near the floor is not in the way");
+    }
+
+    #[test]
+    fn rounding_far_from_the_origin_covers_nothing_up() {
+        // Neighbouring numbers are 6e-5 apart there, and points lie as much behind the floor.
+        const HEIGHT: f32 = 855.67;
+        let corner = Vec3::new(317.3, 699.1, HEIGHT);
+        let scene = scene(&[[corner, 2.2 * Vec3::X, 3.5 * Vec3::Y]]);
+        for below in [0.0, 6e-5, 1.2e-4] {
+            let p = Vec3A::new(318.2, 700.7, HEIGHT - below);
+            for radius in [2e-3, 0.1] {
+                assert_eq!(mean(&scene, p, radius), 1.0, "a disc of {radius} m, its middle {below} m below the floor");
+            }
+        }
     }
 }
