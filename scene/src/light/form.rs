@@ -58,6 +58,9 @@ struct FormPattern {
 /// Rounding of an f32 position, as a share of its coordinates: a light is looked for from a point so much above the surface, or a form would find itself.
 const POSITION_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 
+/// Rounding of the end of a shadow ray, as a share of its coordinates: of the point itself, and of the direction to it.
+const END_ERROR: f64 = 2.0 * f32::EPSILON as f64;
+
 /// Behind a crossing the search on a line goes on this share of the radius farther.
 const STEP: f64 = 1e-9;
 
@@ -136,7 +139,20 @@ impl FormLight {
             return None;
         }
         let radiance = self.radiance_at(&ray, entry.t, entry.part) * count;
+        let distance = distance - self.rounding_along(&ray, &entry).min(0.5 * distance);
         LightSample::of_surface(wi, narrow(distance), radiance, narrow(pdf) * probability)
+    }
+
+    /// Returns by how much sooner a shadow ray to the point where `ray` enters the form may meet it, as its end is rounded: more the more the ray grazes it.
+    fn rounding_along(&self, ray: &LineRay, entry: &Crossing) -> f64 {
+        /// Share of the way by which shadow rays are shortened anyway, times the cosine of rays that hardly bring light.
+        const NEGLIGIBLE: f64 = 1e-6;
+        let point = ray.at(entry.t);
+        let rounding = END_ERROR * point.abs().max_element();
+        if rounding < NEGLIGIBLE * entry.t {
+            return 0.0;
+        }
+        rounding / self.body.normal_at(entry.part, point, ray.direction).dot(ray.direction).abs()
     }
 
     /// Returns where the ray first meets the form; `None` where it starts within, for the back is dark.

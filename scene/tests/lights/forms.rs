@@ -83,6 +83,43 @@ fn irradiance_of_free_forms_is_known() {
 }
 
 #[test]
+fn far_from_the_origin_free_forms_do_not_hide_themselves() {
+    // Numbers are 6e-5 apart there: a ray that grazes the rod would meet it before the point to which it was sent.
+    let far = DVec3::new(311.0, -523.0, 702.0);
+    let rod = FreeForm::new(Quadric::cylinder(far, DVec3::X, 0.03).expect("sound"), vec![]).expect("sound");
+    let ends = Solid::cuboid(far - DVec3::splat(0.5), far + DVec3::splat(0.5)).expect("a box");
+    let rod = Solid::intersection(Psi::Maximum, vec![rod.into(), ends]).expect("two parts");
+    let square = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
+    for (solid, distance) in [(ball(far, 0.3), 1.0), (rod, 0.15)] {
+        let corner = |(x, z)| (far + DVec3::new(x, -distance, z)).as_vec3();
+        let floor = Mesh {
+            positions: square.map(corner).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            materials: vec![1; 2],
+            ..Mesh::default()
+        };
+        let materials = vec![emitter(1.0), Material::default()];
+        let description =
+            Description { meshes: vec![floor], forms: vec![form(solid, 0)], materials, ..Description::default() };
+        let scene = Scene::new(description).expect("a right scene");
+        let mut random = Random(3);
+        let (mut found, mut hidden) = (0, 0);
+        for _ in 0..10_000 {
+            let place = far + DVec3::new(0.1, -0.5 * distance, 0.05 * f64::from(random.next()));
+            let ray = Ray::new(place.as_vec3a(), Vec3A::NEG_Y);
+            let surface = scene.surface(&ray, &scene.intersect(&ray).expect("the floor"));
+            let Some(light) = scene.lights().sample(surface.p, surface.n, random.next(), random.pair()) else {
+                continue;
+            };
+            found += 1;
+            hidden += i32::from(scene.occluded(&surface.shadow_ray(light.wi, light.distance)));
+        }
+        assert!(found > 2000, "{found} samples");
+        assert_eq!(hidden, 0, "of {found} samples of a lamp {distance} m above the floor");
+    }
+}
+
+#[test]
 fn densities_of_free_forms_are_those_of_their_samples() {
     // A light that is only a part of its region: the density over the directions that meet it is the share of samples that do.
     let bar = Solid::cuboid(DVec3::new(-1.0, -0.1, -0.1), DVec3::new(1.0, 0.1, 0.1)).expect("a box");
