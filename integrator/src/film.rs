@@ -397,6 +397,8 @@ mod tests {
         assert_eq!(mixed, film(3.0, 3.0), "three to one, and a depth where one has it");
         mixed.mix(&film(3.0, 7.0), 0.25);
         assert_eq!(mixed.depth, [4.0], "three to one");
+        mixed.mix(&film(1.0, 12.0), 0.5);
+        assert_eq!(mixed.depth, [6.0], "by how much of the pixel each saw: three to one again");
     }
 
     #[test]

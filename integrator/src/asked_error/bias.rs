@@ -18,7 +18,7 @@ pub(super) struct Term {
 /// The bias of all pixels.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Bias {
-    /// The relative variance at which the noisier half begins.
+    /// The relative variance beyond which the noisier half begins.
     median: f32,
     classes: [ClassBias; 3],
     /// Its mean square over the picture.
@@ -69,7 +69,7 @@ impl Bias {
     }
 
     fn class(&self, noise_sq: f32) -> usize {
-        usize::from(noise_sq > ROUNDING_SQ) + usize::from(noise_sq > ROUNDING_SQ.max(self.median))
+        usize::from(noise_sq > ROUNDING_SQ) + usize::from(noise_sq > self.median)
     }
 }
 
