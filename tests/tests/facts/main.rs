@@ -16,3 +16,4 @@ mod sky;
 mod study;
 mod terms;
 mod threads;
+mod units;
