@@ -44,18 +44,12 @@ impl Index {
     /// The record that fits `p` with unit normal `n` best, if any reaches it; the first entered among equals.
     #[must_use]
     pub fn best(&self, p: Vec3A, n: Vec3A) -> Option<Found> {
-        self.best_but(p, n, &[])
-    }
-
-    /// The best record that is not in `refused`.
-    #[must_use]
-    pub fn best_but(&self, p: Vec3A, n: Vec3A, refused: &[usize]) -> Option<Found> {
         let mut best: Option<Found> = None;
         for number in self.grid.near(p) {
             let record = number as usize;
             let misfit = self.validity.misfit(&self.records[record], p, n);
             let better = best.is_none_or(|b| misfit < b.misfit || (misfit == b.misfit && record < b.record));
-            if misfit <= 1.0 && better && !refused.contains(&record) {
+            if misfit <= 1.0 && better {
                 best = Some(Found { record, misfit });
             }
         }
@@ -142,13 +136,13 @@ mod tests {
     }
 
     #[test]
-    fn refused_records_are_passed_over() {
+    fn the_nearer_of_two_fits_better() {
         let validity = Validity::default();
         let mut index = Index::new(validity);
         index.extend([record(Vec3A::ZERO, Vec3A::Z, 1.0, &validity), record(Vec3A::X * 0.1, Vec3A::Z, 1.0, &validity)]);
-        assert_eq!(index.best(Vec3A::ZERO, Vec3A::Z).map(|f| f.record), Some(0));
-        assert_eq!(index.best_but(Vec3A::ZERO, Vec3A::Z, &[0]).map(|f| f.record), Some(1));
-        assert_eq!(index.best_but(Vec3A::ZERO, Vec3A::Z, &[0, 1]), None);
+        for (x, nearer) in [(0.0, 0), (0.04, 0), (0.06, 1), (0.1, 1)] {
+            assert_eq!(index.best(Vec3A::X * x, Vec3A::Z).map(|f| f.record), Some(nearer), "at {x}");
+        }
         assert_eq!(index.best(Vec3A::ZERO, Vec3A::NEG_Z), None, "the other side of the surface");
     }
 }
