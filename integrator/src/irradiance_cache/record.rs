@@ -119,8 +119,8 @@ impl Record {
         let far = samples.harmonic_distance();
         let directions = samples.directions();
         let limited = |radius: f32| radius.min(far).min(rules.max_radius).min(FARTHEST).max(rules.min_radius);
-        let derivatives =
-            if is_lit_by_few(samples) { None } else { Some(edges.derivatives(samples, &directions, rules.min_radius)) };
+        let is_lit_by_few = is_lit_by_few(samples);
+        let derivatives = (!is_lit_by_few).then(|| edges.derivatives(samples, &directions, rules.min_radius));
         let (radii, axis) = if let Some(derivatives) = derivatives.filter(|_| rules.by_hessian) {
             let light = luminance(mean[0] + mean[1]);
             let (curvatures, axis) = derivatives.hessian.eigen();
@@ -130,6 +130,9 @@ impl Record {
             let fall = light / slope.length();
             let radii = curvatures.map(|curvature| limited(radius(curvature, rules.total_error * light).min(fall)));
             (radii, axis)
+        } else if is_lit_by_few && is_lit_by_highlights(samples) {
+            // Where they end, no geometry tells.
+            ([rules.min_radius; 2], Vec2::X)
         } else {
             ([limited(WARD_SPACING * far); 2], Vec2::X)
         };
@@ -227,6 +230,14 @@ pub(crate) fn is_lit_by_few(samples: &Samples) -> bool {
     lit_share(samples) < FEW_TEXELS
 }
 
+/// Whether most of the light comes by highlights, which other points see elsewhere.
+fn is_lit_by_highlights(samples: &Samples) -> bool {
+    let light = |texel: usize| luminance(samples.radiance[texel]);
+    let all = 0..samples.radiance.len();
+    let marked: f32 = all.clone().filter(|&texel| samples.view_dependent[texel]).map(light).sum();
+    2.0 * marked > all.map(light).sum()
+}
+
 /// Share of the texels that bring the light of a gather, if all of them were equally bright; 0 in the dark.
 fn lit_share(samples: &Samples) -> f32 {
     let light = samples.radiance.iter().map(|&radiance| luminance(radiance));
@@ -309,6 +320,25 @@ mod tests {
         assert!(record.distance(&open(Vec3A::X, turned)) >= 1.0, "30 degrees");
         assert!(record.distance(&open(Vec3A::new(1.0, 0.0, -0.3), Vec3A::Z)) >= 1.0, "a step below");
         assert!(record.distance(&open(Vec3A::new(1.0, 0.0, -0.1), Vec3A::Z)) < 1.0, "a gentle slope");
+    }
+
+    #[test]
+    fn highlights_that_are_all_the_light_reach_nobody() {
+        let frame = Frame { s: Vec3A::X, t: Vec3A::Y, n: Vec3A::Z };
+        let mut samples = Samples::from_fn(N, |wi| (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z));
+        let edges = TexelEdges::new(N, 1);
+        let reach = |samples: &Samples| {
+            Record::new(Vec3A::ZERO, frame, samples, samples.mean_radiance_by_distance(), &edges, &RULES).reach()
+        };
+        // Four texels of a thousand, and as much light again by 20 of them.
+        (0..4).for_each(|texel| samples.radiance[100 + texel] = Vec3::splat(50.0));
+        let lamp = reach(&samples);
+        samples.view_dependent[90..110].fill(true);
+        assert_eq!(reach(&samples), RULES.min_radius, "they move otherwise than what they are seen in");
+        assert!(lamp > 100.0 * RULES.min_radius, "a lamp stays where it is: {lamp}");
+        (0..20).for_each(|texel| samples.radiance[500 + texel] = Vec3::splat(11.0));
+        assert!(is_lit_by_few(&samples));
+        assert_eq!(reach(&samples), lamp, "not most of the light");
     }
 
     #[test]
