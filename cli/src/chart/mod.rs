@@ -163,7 +163,7 @@ impl ChartArgs {
             let reference = if is_there {
                 Some(reference::read(&reference_path, size)?)
             } else {
-                files::check_writable(&reference_path)?;
+                reference::check_writable(&reference_path)?;
                 None
             };
             jobs.push(Job { subject, size, reference_path, reference });

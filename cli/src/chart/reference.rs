@@ -9,7 +9,7 @@ use scene::{Picture, Scene};
 
 use crate::encode;
 use crate::failure::{Failure, note};
-use crate::files::Staged;
+use crate::files::{self, Staged};
 
 /// Pictures that a reference is joined of, each with random numbers of its own: their spread is its noise.
 const BATCHES: u32 = 16;
@@ -58,6 +58,12 @@ pub(crate) fn read(path: &Path, size: UVec2) -> Result<Reference, Failure> {
             own.x, own.y, size.x, size.y
         ))
     })
+}
+
+/// Checks that a reference can be left at `path`, with its variance.
+pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
+    files::check_writable(path)?;
+    files::check_writable(&variance_path(path))
 }
 
 /// Renders a reference with `spp` samples a pixel and leaves it at `path`, with its variance.
