@@ -38,7 +38,7 @@ pub struct Surface {
 }
 
 /// A shadow ray stops this share before its end, so that the light's own surface is not in its way.
-const SHADOW_MARGIN: f32 = 1e-4;
+pub(crate) const SHADOW_MARGIN: f32 = 1e-4;
 
 /// Least cosine between the shading normal and the viewer.
 const MIN_COSINE: f32 = 1e-3;

@@ -149,18 +149,9 @@ impl ChartArgs {
             }
             let subject = Subject::load(path, name)?;
             let size = self.size.or(subject.size).unwrap_or(DEFAULT_SIZE);
-            let beside = path.with_file_name("reference.exr");
-            let (reference_path, is_there) = if let Some(given) = &self.reference {
-                (given.clone(), true)
-            } else if beside.exists() {
-                (beside, true)
-            } else {
-                let file = format!("{}.{}x{}.{}spp.exr", file_name(&subject.name), size.x, size.y, self.reference_spp);
-                let kept = self.out.join(file);
-                let is_kept = kept.exists();
-                (kept, is_kept)
-            };
-            let reference = if is_there {
+            let reference_path = self.reference_path(path, &subject.name, size);
+            // One that was named is read in any case, and so missed.
+            let reference = if self.reference.is_some() || reference_path.exists() {
                 Some(reference::read(&reference_path, size)?)
             } else {
                 reference::check_writable(&reference_path)?;
@@ -169,6 +160,16 @@ impl ChartArgs {
             jobs.push(Job { subject, size, reference_path, reference });
         }
         Ok(jobs)
+    }
+
+    /// Where the reference is: the one that was named, the one beside the scene, or else the one that is made and kept.
+    fn reference_path(&self, scene: &Path, name: &str, size: UVec2) -> PathBuf {
+        let beside = || Some(scene.with_file_name("reference.exr")).filter(|path| path.exists());
+        let kept = || {
+            let file = format!("{}.{}x{}.{}spp.exr", file_name(name), size.x, size.y, self.reference_spp);
+            self.out.join(file)
+        };
+        self.reference.clone().or_else(beside).unwrap_or_else(kept)
     }
 
     /// Renders all scenes. The CSV is written after each picture, so that what was measured is kept whatever happens.

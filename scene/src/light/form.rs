@@ -145,11 +145,12 @@ impl FormLight {
 
     /// Returns by how much sooner a shadow ray to the point where `ray` enters the form may meet it, as its end is rounded: more the more the ray grazes it.
     fn rounding_along(&self, ray: &LineRay, entry: &Crossing) -> f64 {
-        /// Share of the way by which shadow rays are shortened anyway, times the cosine of rays that hardly bring light.
-        const NEGLIGIBLE: f64 = 1e-6;
+        /// Rays of smaller cosines hardly bring light.
+        const LEAST_COSINE: f64 = 0.01;
         let point = ray.at(entry.t);
         let rounding = END_ERROR * point.abs().max_element();
-        if rounding < NEGLIGIBLE * entry.t {
+        // Shadow rays end sooner anyway.
+        if rounding < LEAST_COSINE * f64::from(surface::SHADOW_MARGIN) * entry.t {
             return 0.0;
         }
         rounding / self.body.normal_at(entry.part, point, ray.direction).dot(ray.direction).abs()

@@ -176,9 +176,7 @@ impl Decoded {
                 let ExrPicture { size, has_other_primaries, pixels, alpha } = picture_exr::decode(bytes, file)?;
                 return Ok(Self { size, format, has_other_primaries, data: Data::Linear(pixels, alpha) });
             }
-            PictureFormat::Hdr => {
-                return decode_hdr(bytes, file);
-            }
+            PictureFormat::Hdr => return decode_hdr(bytes, file),
             PictureFormat::Png => ImageFormat::Png,
             PictureFormat::Jpeg => ImageFormat::Jpeg,
         };
