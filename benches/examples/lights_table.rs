@@ -1,4 +1,5 @@
-//! What the tree of lights saves: deviation and time of one light sample with its shadow ray, by flux alone and by the tree, as a table in Markdown.
+//! What it saves to choose lights by the point: deviation and time of one light sample with its shadow ray, by flux alone and by what lamps may bring there, as a table in
+//! Markdown.
 //!
 //! `cargo run --release -p benches --example lights_table`, on one thread.
 
@@ -86,7 +87,7 @@ fn measure(mut sample: impl FnMut(Vec3A, &mut Rng) -> f64) -> (f64, f64, f64) {
 
 #[expect(clippy::print_stdout, reason = "the table is the result")]
 fn main() {
-    println!("| lamps | build ms | by flux: deviation | ns | by the tree: deviation | ns | time for equal noise |");
+    println!("| lamps | build ms | by flux: deviation | ns | by the point: deviation | ns | time for equal noise |");
     println!("|---|---|---|---|---|---|---|");
     for count in [1, 10, 100, 1000, 10_000, 100_000] {
         let lamps = lamps(count);

@@ -138,7 +138,7 @@ impl<'a> PathTracer<'a> {
             let Some(hit) = &scene.intersect(&ray) else {
                 let weight = from
                     .as_ref()
-                    .map_or(1.0, |(_, step)| material_weight(step.pdf, || scene.lights().pdf_environment(step.wi)));
+                    .map_or(1.0, |(p, step)| material_weight(step.pdf, || scene.lights().pdf_environment(*p, step.wi)));
                 add(&mut sample.terms, flight, throughput, scene.background(ray.direction) * weight);
                 return;
             };

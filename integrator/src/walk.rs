@@ -126,8 +126,8 @@ pub(crate) fn walk(
         let next = shading.surface.spawn(wi);
         rays.path += 1;
         let Some(hit) = scene.intersect(&next) else {
-            if let Some((_, pdf)) = glossy {
-                let weight = mis_weight(pdf, scene.lights().pdf_environment(wi));
+            if let Some((from, pdf)) = glossy {
+                let weight = mis_weight(pdf, scene.lights().pdf_environment(from, wi));
                 visitor.add(beta * weight * scene.background(wi));
             }
             break;

@@ -83,7 +83,7 @@ impl Sight {
         }
         let light_pdf = match &self.met {
             Some(met) => lights.pdf_surface(p, wi, &met.surface),
-            None => lights.pdf_environment(wi),
+            None => lights.pdf_environment(p, wi),
         };
         mis_weight(pdf, light_pdf) * self.emitted
     }

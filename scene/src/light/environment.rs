@@ -103,6 +103,11 @@ impl EnvironmentLight {
         self.integral * target.cross_section()
     }
 
+    /// Returns the integral of the radiance over the sphere, W m^-2; where a part of it is sampled, of that part.
+    pub(super) fn integral(&self) -> Vec3 {
+        self.integral
+    }
+
     /// Returns the direction that a pair of numbers chooses.
     #[inline]
     pub(super) fn direction(&self, u: Vec2) -> Vec3A {

@@ -33,7 +33,7 @@ pub(crate) struct FormLight {
     pub(super) body: Body,
     region: Region,
     /// Around the form.
-    sphere: Sphere,
+    pub(super) sphere: Sphere,
     /// m^2; of what is no ball right to about a hundredth.
     pub(super) area: f64,
     /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean; what it is multiplied by where there is a pattern.

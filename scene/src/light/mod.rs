@@ -1,10 +1,10 @@
 //! What shines, and how to find it: choosing a light for a point, and light for a photon.
 //!
-//! A light is chosen, then a direction to it. Few are chosen by their flux; many by a tree that knows what may reach the point, while those
-//! at infinity keep to their flux. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has a density that
-//! [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
+//! A light is chosen, then a direction to it: by what each may bring to the point; among many lamps by a tree that knows it about. Two triangles that
+//! make a rectangle are one light. Everything that a ray can also meet by chance has a density that [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
 
 mod areas;
+mod chances;
 mod choice;
 mod environment;
 mod form;
@@ -23,6 +23,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use crate::bounds::narrow;
 use crate::{Aabb, Environment, PunctualLight, Ray, Surface};
 pub(crate) use areas::Areas;
+use chances::{Chances, Lamps, MOST_LAMPS};
 use choice::Choice;
 use environment::EnvironmentLight;
 pub(crate) use form::FormLight;
@@ -44,9 +45,14 @@ pub struct Lights {
     /// Point lights, then directional ones.
     punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentLight>,
-    /// Over rectangles, then triangles, forms, punctual lights and the environment.
+    /// Over rectangles, then triangles, forms, punctual lights and the environment, by flux: for photons.
     choice: Choice,
-    /// Over what is not at infinity, where that is many lights.
+    /// Over those at infinity, by flux.
+    far: Choice,
+    /// Irradiance that all of these bring to a surface that faces them, summed over the channels.
+    far_irradiance: f64,
+    /// What is not at infinity; where that is many lights, a tree of them instead.
+    lamps: Lamps,
     tree: Option<LightTree>,
     /// Number of lights that are not at infinity: the first ones.
     near_count: usize,
@@ -114,10 +120,6 @@ pub struct Emission {
     pub flux: Vec3,
 }
 
-/// Fewer lights than these are chosen by their flux. Among few, most are large or near, which a sphere around them says little of: six walls that shine
-/// are better chosen evenly.
-const LEAST_IN_TREE: usize = 32;
-
 impl Lights {
     /// Makes the lights of a scene; triangles and forms are in the order of their primitives.
     pub(crate) fn new(
@@ -138,6 +140,9 @@ impl Lights {
             punctual: points.into_iter().chain(others).collect(),
             environment: environment.and_then(EnvironmentLight::new),
             choice: Choice::default(),
+            far: Choice::default(),
+            far_irradiance: 0.0,
+            lamps: Lamps::new(&[]),
             tree: None,
             near_count,
             total_flux: Vec3::ZERO,
@@ -149,17 +154,22 @@ impl Lights {
             let bounds = emitters.iter().fold(Aabb::EMPTY, |bounds, emitter| bounds.union(emitter.bounds));
             lights.extent = Some(Sphere::of_box(bounds));
         }
-        if near_count >= LEAST_IN_TREE {
+        if near_count > MOST_LAMPS {
             lights.tree = Some(LightTree::new(&emitters));
+        } else {
+            lights.lamps = Lamps::new(&emitters);
         }
         lights.weigh();
         lights
     }
 
-    /// Sets what follows from the fluxes.
+    /// Sets what follows from how bright the lights are.
     fn weigh(&mut self) {
         let fluxes: Vec<Vec3> = (0..self.count()).map(|index| self.light(index).flux(&self.everything)).collect();
-        self.choice = Choice::new(fluxes.iter().map(|flux| flux.as_dvec3().element_sum()));
+        let weight = |flux: &Vec3| flux.as_dvec3().element_sum();
+        self.choice = Choice::new(fluxes.iter().map(weight));
+        self.far = Choice::new(fluxes[self.near_count..].iter().map(weight));
+        self.far_irradiance = (self.near_count..self.count()).map(|index| self.light(index).far_irradiance()).sum();
         self.total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
     }
 
@@ -253,30 +263,34 @@ impl Lights {
         if !surface.front {
             return 0.0;
         }
+        let chances = Chances::new(self, p);
+        let chances = chances.as_ref();
         let primitive = surface.primitive;
         let rectangle = self.rectangles.partition_point(|light| light.primitive <= primitive).wrapping_sub(1);
         if let Some(light) = self.rectangles.get(rectangle)
             && primitive - light.primitive < 2
         {
-            return light.pdf(p, wi, surface) * self.probability(p, rectangle);
+            return light.pdf(p, wi, surface) * self.probability(chances, rectangle);
         }
         if let Ok(index) = self.triangles.binary_search_by_key(&primitive, |light| light.primitive) {
-            return self.triangles[index].pdf(p, wi, surface) * self.probability(p, self.rectangles.len() + index);
+            return self.triangles[index].pdf(p, wi, surface)
+                * self.probability(chances, self.rectangles.len() + index);
         }
         match self.forms.binary_search_by_key(&primitive, |light| light.primitive) {
             Ok(index) => {
-                self.forms[index].pdf(p, wi) * self.probability(p, self.rectangles.len() + self.triangles.len() + index)
+                self.forms[index].pdf(p, wi)
+                    * self.probability(chances, self.rectangles.len() + self.triangles.len() + index)
             }
             Err(_) => 0.0,
         }
     }
 
-    /// Returns the density of [`Lights::sample`] for a direction in which a ray met nothing, per steradian; 0 without an environment.
+    /// Returns the density of [`Lights::sample`] at `p` for a direction in which a ray from there met nothing, per steradian; 0 without an environment.
     #[inline]
     #[must_use]
-    pub fn pdf_environment(&self, wi: Vec3A) -> f32 {
+    pub fn pdf_environment(&self, p: Vec3A, wi: Vec3A) -> f32 {
         match &self.environment {
-            Some(light) => light.pdf(wi) * self.choice.probability(self.count() - 1),
+            Some(light) => light.pdf(wi) * self.probability(Chances::new(self, p).as_ref(), self.count() - 1),
             None => 0.0,
         }
     }
@@ -310,7 +324,7 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn emit_to(&self, target: &Target, u_choice: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
-        let (index, probability) = self.choice.sample(u_choice)?;
+        let (index, probability) = self.choice.sample(f64::from(u_choice))?;
         // Of one among very many lights it has few digits left: what that chooses is right in the mean over these lights.
         let rest = || self.choice.rest(u_choice, index);
         let mut emission = match self.light(index) {
@@ -324,27 +338,23 @@ impl Lights {
         Some(emission)
     }
 
-    /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability.
+    /// Returns the light that `u` in [0, 1) chooses for a point that sees them like this, and its probability.
     #[inline]
-    fn choose(&self, p: Vec3A, u: f32) -> Option<(usize, f32)> {
-        if let Some(tree) = &self.tree {
-            let near = self.choice.before(self.near_count);
-            if f64::from(u) < near {
-                let (index, probability) = tree.sample(p, f64::from(u) / near)?;
-                return Some((index, probability * narrow(near)));
-            }
+    fn choose(&self, chances: Option<&Chances>, u: f32) -> Option<(usize, f32)> {
+        match chances {
+            Some(chances) => chances.choose(self, u),
+            None if self.near_count > 0 => Some((0, 1.0)),
+            None => self.far.sample(f64::from(u)),
         }
-        self.choice.sample(u)
     }
 
-    /// Returns the probability with which [`Lights::choose`] takes a light for the point `p`.
+    /// Returns the probability with which [`Lights::choose`] takes a light.
     #[inline]
-    fn probability(&self, p: Vec3A, index: usize) -> f32 {
-        match &self.tree {
-            Some(tree) if index < self.near_count => {
-                tree.probability(p, index) * narrow(self.choice.before(self.near_count))
-            }
-            _ => self.choice.probability(index),
+    fn probability(&self, chances: Option<&Chances>, index: usize) -> f32 {
+        match chances {
+            Some(chances) => chances.probability(self, index),
+            None if self.near_count > 0 => 1.0,
+            None => self.far.probability(index),
         }
     }
 
@@ -392,6 +402,8 @@ impl Lights {
             + self.punctual.capacity() * size_of::<PunctualLight>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
             + self.choice.memory_bytes()
+            + self.far.memory_bytes()
+            + self.lamps.memory_bytes()
             + self.tree.as_ref().map_or(0, LightTree::memory_bytes)
     }
 
@@ -419,21 +431,40 @@ impl Light<'_> {
         }
     }
 
-    /// Returns what the tree must know of a light that is not at infinity.
+    /// Returns the irradiance that a light at infinity brings to a surface that faces it, summed over the channels; of surroundings as if they were even.
+    fn far_irradiance(&self) -> f64 {
+        match self {
+            Self::Punctual(PunctualLight::Directional { irradiance, .. }) => irradiance.as_dvec3().element_sum(),
+            Self::Environment(light) => 0.25 * light.integral().as_dvec3().element_sum(),
+            Self::Rectangle(_) | Self::Triangle(_) | Self::Form(_) | Self::Punctual(PunctualLight::Point { .. }) => {
+                unreachable!("what a lamp brings depends on the place")
+            }
+        }
+    }
+
+    /// Returns what the choice of a light that is not at infinity must know of it.
     fn emitter(&self) -> Emitter {
-        let (bounds, flux, normal) = match self {
-            Self::Rectangle(light) => (light.bounds(), light.flux(), Some(light.normal())),
-            Self::Triangle(light) => (Aabb::of_points(&light.corners), light.flux(), Some(light.normal)),
-            Self::Form(light) => (light.bounds(), light.flux(), None),
+        let (bounds, centre, area, flux, normal) = match self {
+            Self::Rectangle(light) => {
+                (light.bounds(), light.point(Vec2::splat(0.5)), light.area(), light.flux(), Some(light.normal()))
+            }
+            Self::Triangle(light) => {
+                let centre = light.corners.map(Vec3A::from).iter().sum::<Vec3A>() / 3.0;
+                (Aabb::of_points(&light.corners), centre, light.area, light.flux(), Some(light.normal))
+            }
+            Self::Form(light) => {
+                (light.bounds(), light.sphere.centre.as_vec3a(), narrow(light.area), light.flux(), None)
+            }
             Self::Punctual(PunctualLight::Point { position, intensity }) => {
-                (Aabb { min: *position, max: *position }, *intensity * (4.0 * std::f32::consts::PI), None)
+                let flux = *intensity * (4.0 * std::f32::consts::PI);
+                (Aabb { min: *position, max: *position }, (*position).into(), 0.0, flux, None)
             }
             Self::Punctual(PunctualLight::Directional { .. }) | Self::Environment(_) => {
-                unreachable!("lights at infinity are in no tree")
+                unreachable!("lights at infinity are everywhere")
             }
         };
         let flux = flux.element_sum() * if normal.is_some() { 1.0 } else { 0.25 };
-        Emitter { bounds, flux, normal }
+        Emitter { bounds, centre, area, flux, normal }
     }
 }
 

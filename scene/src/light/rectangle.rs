@@ -78,7 +78,7 @@ impl RectangleLight {
         })
     }
 
-    fn area(&self) -> f32 {
+    pub(super) fn area(&self) -> f32 {
         self.lengths.element_product()
     }
 
@@ -99,7 +99,7 @@ impl RectangleLight {
 
     /// Returns the point at a share of each edge.
     #[inline]
-    fn point(&self, u: Vec2) -> Vec3A {
+    pub(super) fn point(&self, u: Vec2) -> Vec3A {
         let along = u * self.lengths;
         self.corner + self.axes[0] * along.x + self.axes[1] * along.y
     }

@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 
+use super::chances::Chances;
 use super::environment::EnvironmentLight;
 use super::form::FormLight;
 use super::rectangle::SeenRectangle;
@@ -20,9 +21,9 @@ use crate::PunctualLight;
 /// let lamps = [Vec3::Z, Vec3::X + Vec3::Z].map(|position| PunctualLight::Point { position, intensity: Vec3::ONE });
 /// let scene = Scene::new(Description { lights: lamps.to_vec(), ..Description::default() })?;
 /// let mut seen = scene.lights().seen_from(Vec3A::ZERO, Vec3A::Z);
-/// for u_choice in [0.2, 0.8, 0.2] {
+/// for (u_choice, chance) in [(0.6, 2.0 / 3.0), (0.7, 1.0 / 3.0), (0.2, 2.0 / 3.0)] {
 ///     let lamp = seen.sample(u_choice, Vec2::ZERO).expect("both lamps are above");
-///     assert_eq!(lamp.pdf, 0.5);
+///     assert_eq!(lamp.pdf, chance, "the square of the distance of the second one is twice as large");
 /// }
 /// # Ok::<(), scene::BuildError>(())
 /// ```
@@ -31,6 +32,8 @@ pub struct SeenLights<'a> {
     lights: &'a Lights,
     p: Vec3A,
     n: Vec3A,
+    /// By which lights are chosen, if it matters from where.
+    chances: Option<Chances>,
     /// The light of the last direction and its index.
     last: Option<(usize, SeenLight<'a>)>,
 }
@@ -49,7 +52,7 @@ enum SeenLight<'a> {
 
 impl<'a> SeenLights<'a> {
     pub(super) fn new(lights: &'a Lights, p: Vec3A, n: Vec3A) -> Self {
-        Self { lights, p, n, last: None }
+        Self { lights, p, n, chances: Chances::new(lights, p), last: None }
     }
 
     /// Chooses a light and a direction to it, as [`Lights::sample`] does.
@@ -63,14 +66,14 @@ impl<'a> SeenLights<'a> {
     #[inline]
     #[must_use]
     pub fn choose(&self, u_choice: f32) -> Option<(usize, f32)> {
-        self.lights.choose(self.p, u_choice)
+        self.lights.choose(self.chances.as_ref(), u_choice)
     }
 
     /// Returns the probability with which [`SeenLights::choose`] takes a light.
     #[inline]
     #[must_use]
     pub fn probability(&self, light: usize) -> f32 {
-        self.lights.probability(self.p, light)
+        self.lights.probability(self.chances.as_ref(), light)
     }
 
     /// Chooses a direction to one light, which was chosen with a `probability` that the density is to contain: for whoever knows more of the lights than

@@ -92,7 +92,7 @@ impl Target {
         u_sphere: f32,
         u_position: Vec2,
     ) -> Option<Emission> {
-        let (chosen, _) = self.choice.sample(u_sphere)?;
+        let (chosen, _) = self.choice.sample(f64::from(u_sphere))?;
         let way = direction.as_dvec3();
         let through = self.wide[chosen].cross(way, u_position.as_dvec2());
         let density = |(i, sphere): (usize, &Sphere)| {

@@ -21,10 +21,13 @@ use glam::Vec3A;
 
 use crate::Aabb;
 
-/// A light as the tree sees it.
+/// A light that is not at infinity, as far as its choice goes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Emitter {
     pub(super) bounds: Aabb,
+    /// The middle of its surface, and the area of that.
+    pub(super) centre: Vec3A,
+    pub(super) area: f32,
     /// Flux, summed over the channels; a quarter of it for a light to all sides, whose intensity is so much less.
     pub(super) flux: f32,
     /// Unit normal; `None` where it shines to all sides.
@@ -104,6 +107,12 @@ impl LightTree {
             }
         }
         tree
+    }
+
+    /// Returns about the irradiance that all lights together bring to a surface at `p` that faces them, summed over the channels.
+    #[inline]
+    pub(super) fn irradiance(&self, p: Vec3A) -> f32 {
+        self.nodes[0].importance(p) / PI
     }
 
     /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability; `None` where none shines to it.
@@ -336,6 +345,8 @@ mod tests {
             let normal = Vec3A::new(hash(i, 3) - 0.5, hash(i, 4) - 0.5, -0.5).normalize();
             Emitter {
                 bounds: Aabb { min: corner, max: corner + 0.05 },
+                centre: (corner + 0.025).into(),
+                area: 0.0025,
                 flux: 0.1 + hash(i, 5),
                 normal: (!i.is_multiple_of(7)).then_some(normal),
             }
@@ -377,7 +388,8 @@ mod tests {
 
     #[test]
     fn lights_in_one_place_are_all_found() {
-        let one = Emitter { bounds: Aabb { min: Vec3::ONE, max: Vec3::ONE }, flux: 1.0, normal: None };
+        let bounds = Aabb { min: Vec3::ONE, max: Vec3::ONE };
+        let one = Emitter { bounds, centre: Vec3A::ONE, area: 0.0, flux: 1.0, normal: None };
         let tree = LightTree::new(&[one; 5]);
         for light in 0..5 {
             assert!(tree.probability(Vec3A::ZERO, light) > 0.05, "light {light}");

@@ -21,7 +21,7 @@ pub(crate) struct TriangleLight {
     pub(super) corners: [Vec3; 3],
     /// Unit normal of the front.
     pub(super) normal: Vec3A,
-    area: f32,
+    pub(super) area: f32,
     /// Points are seen from so far in front, metres: nearer ones may be rounded points of the plane itself, or of the back.
     pub(super) clearance: f32,
     /// Length of the longest edge, squared.

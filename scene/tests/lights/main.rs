@@ -1,5 +1,6 @@
 //! Lights against their closed forms: samples of each kind, their densities, and photons.
 
+mod choice;
 mod forms;
 mod many;
 mod measure;

@@ -182,7 +182,10 @@ fn what_does_not_shine_is_not_a_light() {
         ..Description::default()
     })
     .unwrap();
-    assert!(scene.lights().is_empty() && scene.lights().pdf_environment(Vec3A::X) == 0.0, "nothing to choose");
+    assert!(
+        scene.lights().is_empty() && scene.lights().pdf_environment(Vec3A::ZERO, Vec3A::X) == 0.0,
+        "nothing to choose"
+    );
     // A light of which p is the very place gives no irradiance without bound.
     let point = PunctualLight::Point { position: Vec3::ONE, intensity: Vec3::ONE };
     let scene = Scene::new(Description { lights: vec![point], ..Description::default() }).unwrap();

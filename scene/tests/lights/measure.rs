@@ -98,7 +98,7 @@ pub(crate) fn assert_densities_agree(scene: &Scene, depth: f32) {
         let ray = Ray::new(p, wi);
         let pdf = f64::from(match scene.intersect(&ray) {
             Some(hit) => lights.pdf_surface(p, wi, &scene.surface(&ray, &hit)),
-            None => lights.pdf_environment(wi),
+            None => lights.pdf_environment(p, wi),
         });
         let share = pdf * f64::from(2.0 * PI * depth) / f64::from(count);
         integral += share;
@@ -118,7 +118,7 @@ pub(crate) fn assert_densities_agree(scene: &Scene, depth: f32) {
                 assert!((surface.t - s.distance).abs() < 1e-4 * s.distance, "the distance is that to the light");
                 (lights.pdf_surface(p, s.wi, &surface), scene.emission(&surface))
             }
-            None => (lights.pdf_environment(s.wi), scene.background(s.wi)),
+            None => (lights.pdf_environment(p, s.wi), scene.background(s.wi)),
         };
         // A ray to the very edge may miss.
         if pdf > 0.0 {

@@ -1,0 +1,145 @@
+//! Which light is chosen for a point.
+
+use std::f32::consts::PI;
+
+use glam::{DVec3, Vec3, Vec3A};
+use scene::{Description, Environment, Mesh, PunctualLight, Ray, Scene};
+
+use crate::measure::{Random, ball, emitter, form, irradiance};
+
+/// Two triangles for each square of a half side at a height, which shine down.
+fn squares(squares: &[(Vec3, f32)]) -> Mesh {
+    let corner = |centre: Vec3, x: f32, y: f32| centre + Vec3::new(x, y, 0.0);
+    let corners = |&(centre, a): &(Vec3, f32)| {
+        [corner(centre, -a, -a), corner(centre, -a, a), corner(centre, a, a), corner(centre, a, -a)]
+    };
+    let faces = |i: u32| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]];
+    let count = u32::try_from(squares.len()).expect("a few");
+    Mesh {
+        positions: squares.iter().flat_map(corners).collect(),
+        triangles: (0..count).flat_map(faces).collect(),
+        materials: vec![0; 2 * squares.len()],
+        ..Mesh::default()
+    }
+}
+
+/// Lamps of radiance 1: squares, then a ball of radius 0.5 at (3, 0, 4); a point light, if it has an intensity; and a sky.
+fn mixed(lamps: &[(Vec3, f32)], intensity: f32, sky: f32) -> Scene {
+    let point = PunctualLight::Point { position: Vec3::new(0.0, -2.0, 0.0), intensity: Vec3::splat(intensity) };
+    let description = Description {
+        meshes: vec![squares(lamps)],
+        forms: vec![form(ball(DVec3::new(3.0, 0.0, 4.0), 0.5), 0)],
+        materials: vec![emitter(1.0)],
+        lights: if intensity > 0.0 { vec![point] } else { vec![] },
+        environment: Some(Environment::constant(Vec3::splat(sky))),
+        ..Description::default()
+    };
+    Scene::new(description).expect("a right scene")
+}
+
+#[test]
+fn lights_are_chosen_by_what_they_may_bring() {
+    let near = |height: f32| (Vec3::new(0.0, 0.0, height), 1.0);
+    // One is seen from behind.
+    let scene = mixed(&[near(2.0), near(-2.0), near(100.0)], 1.0, 0.25);
+    let lights = scene.lights().seen_from(Vec3A::ZERO, Vec3A::Z);
+    // The solid angle of a square of half side 1 over its middle.
+    let omega = |height: f32| 4.0 * (1.0 / (1.0 + height * height)).asin();
+    let by_square = |height: f32| omega(height) * (1.0 - omega(height) / (4.0 * PI));
+    let by_ball = PI * 0.25 / 25.0;
+    let expected = [by_square(2.0), 0.0, by_square(100.0), by_ball, 0.25, 0.25 * PI];
+    let sum: f32 = expected.iter().sum();
+    for (light, irradiance) in expected.into_iter().enumerate() {
+        let (chance, expected) = (lights.probability(light), irradiance / sum);
+        // Squares are about as bright as discs of their area.
+        assert!((chance - expected).abs() <= 0.02 * expected, "light {light}: {chance} instead of {expected}");
+    }
+}
+
+#[test]
+fn nothing_that_a_wide_lamp_brings_is_taken_for_little() {
+    let scene = mixed(&[(Vec3::ZERO, 1.0)], 0.0, 1.0);
+    // The solid angle of the lamp from a place x, y of it and so far below: of the quarter to each corner.
+    let omega = |x: f32, y: f32, depth: f32| -> f32 {
+        let quarter = |x: f32, y: f32| (x * y).atan2(depth * (x * x + y * y + depth * depth).sqrt());
+        [-x, x].map(|x| [-y, y].map(|y| quarter(1.0 + x, 1.0 + y))).as_flattened().iter().sum()
+    };
+    for (x, y) in [(0.0, 0.0), (0.5, 0.0), (0.3, 0.7), (0.9, 0.9)] {
+        for depth in [1e-3, 0.03, 0.3, 1.0, 3.0] {
+            let lights = scene.lights().seen_from(Vec3A::new(x, y, -depth), Vec3A::Z);
+            // The second light is the ball, the third the sky.
+            let brings = PI * lights.probability(0) / lights.probability(2);
+            let omega = omega(x, y, depth);
+            let share = brings / (omega * (1.0 - omega / (4.0 * PI)));
+            assert!(0.12 < share && share < 1.1, "at {x}, {y}, {depth}: {share}");
+        }
+    }
+}
+
+#[test]
+fn whatever_is_chosen_has_the_probability_that_is_told() {
+    let mut random = Random(2);
+    let mut place = || Vec3::new(8.0 * random.next() - 4.0, 8.0 * random.next() - 4.0, 1.0 + 4.0 * random.next());
+    let lamps: Vec<(Vec3, f32)> = (0..200).map(|i| (place(), if i == 2 { 20.0 } else { 0.1 })).collect();
+    // Looked at one by one, and by a tree.
+    for count in [5, 100, 200] {
+        let scene = mixed(&lamps[..count], 1.0, 0.1);
+        for p in [Vec3A::ZERO, Vec3A::new(3.0, 1.0, 2.0), Vec3A::new(-30.0, 5.0, 9.0)] {
+            let lights = scene.lights().seen_from(p, Vec3A::Z);
+            let mut found = vec![0.0f64; scene.lights().count()];
+            for i in 0u16..4096 {
+                let Some((light, probability)) = lights.choose((f32::from(i) + 0.5) / 4096.0) else { continue };
+                let told = lights.probability(light);
+                assert!((probability - told).abs() <= 1e-5 * told, "{count} lamps at {p}: {probability} is not {told}");
+                found[light] += 1.0 / 4096.0;
+            }
+            for (light, found) in found.into_iter().enumerate() {
+                // A stretch of the numbers has two ends.
+                let expected = f64::from(lights.probability(light));
+                assert!((found - expected).abs() < 2.0 / 4096.0, "{count} lamps at {p}, {light}: {found}, {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rays_that_meet_a_light_know_its_density() {
+    let scene = mixed(&[(Vec3::new(0.5, 0.0, 1.0), 1.0), (Vec3::new(-2.0, 0.0, 3.0), 0.7)], 0.0, 0.25);
+    let lights = scene.lights();
+    let (p, mut random) = (Vec3A::new(-0.3, 0.2, 0.1), Random(4));
+    let (mut lamps, mut skies) = (0, 0);
+    for _ in 0..2000 {
+        let Some(s) = lights.sample(p, Vec3A::Z, random.next(), random.pair()) else { continue };
+        let ray = Ray::new(p, s.wi);
+        let (pdf, distance) = match scene.intersect(&ray) {
+            Some(hit) => (lights.pdf_surface(p, s.wi, &scene.surface(&ray, &hit)), hit.t),
+            None => (lights.pdf_environment(p, s.wi), f32::INFINITY),
+        };
+        // Others may stand before the one that was chosen, and a ray to the very edge may miss.
+        if distance == s.distance || (distance - s.distance).abs() < 1e-4 * distance {
+            *if distance.is_finite() { &mut lamps } else { &mut skies } += 1;
+            assert!((pdf - s.pdf).abs() < 1e-3 * s.pdf, "{pdf} is not {}", s.pdf);
+        }
+    }
+    assert!(lamps > 500 && skies > 100, "{lamps} samples meet lamps, {skies} the sky");
+}
+
+#[test]
+fn a_lamp_on_a_wide_ground_is_found_under_the_night_sky() {
+    // The sky sends 10^4 times the flux of the lamp to the ground, and a twentieth of its light to the place beneath.
+    let ground = (Vec3::new(0.0, 0.0, -10.0), 500.0);
+    let lamp = (Vec3::new(0.0, 0.0, 1.0), 0.1);
+    let dim = Environment::constant(Vec3::splat(6e-4));
+    let description = Description {
+        meshes: vec![squares(&[lamp]), Mesh { materials: vec![1; 2], ..squares(&[ground]) }],
+        materials: vec![emitter(1.0), emitter(0.0)],
+        environment: Some(dim),
+        ..Description::default()
+    };
+    let scene = Scene::new(description).expect("a right scene");
+    let (mean, deviation) = irradiance(scene.lights(), Vec3A::ZERO, Vec3A::Z, 10_000);
+    // Cosines hardly vary: by the area, 0.04, and by half of the sky.
+    let expected = 0.04 + 6e-4 * f64::from(PI);
+    assert!((mean / expected - 1.0).abs() < 0.03, "{mean} instead of {expected}");
+    assert!(deviation < 0.5, "by flux it would deviate 100 times as much as it brings: {deviation}");
+}
