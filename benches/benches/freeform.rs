@@ -1,4 +1,5 @@
-//! Rays against free forms: nearest hit, misses and all intervals, by the number of perturbations, of leaves and of blended leaves.
+//! Rays against free forms: nearest hit, misses and all intervals, by the number of perturbations, of leaves and of
+//! blended leaves.
 
 use std::hint::black_box;
 

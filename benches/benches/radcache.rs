@@ -1,5 +1,6 @@
-//! Records and the search for one: `radcache/record/nN/SCENE` is the time from samples to a record (layers, merging, silhouettes),
-//! `radcache/best/COUNT` that of a search among so many records on a floor, `radcache/layers/N` that of the layers alone.
+//! Records and the search for one: `radcache/record/nN/SCENE` is the time from samples to a record (layers, merging,
+//! silhouettes), `radcache/best/COUNT` that of a search among so many records on a floor, `radcache/layers/N` that of
+//! the layers alone.
 
 use benches::moves;
 use benches::rooms::uniform;

@@ -1,9 +1,9 @@
 //! The reprojection of one record to one point, no ray traced: projection, masks, trails, weights and sum.
 //!
-//! `reproject/n32/KERNEL/SCENE` are real gathers, a dozen pairs of record and point in turn; `reproject/nN/KERNEL/SCENE` for other N
-//! are rooms of a few shapes with the widest kernel. `corners` is the first part alone; `paper` is the paper's own variant;
-//! `project_weighted_sum` has the sum over texels too
-//! that a glossy lobe needs. Times are for one reprojection.
+//! `reproject/n32/KERNEL/SCENE` are real gathers, a dozen pairs of record and point in turn;
+//! `reproject/nN/KERNEL/SCENE` for other N are rooms of a few shapes with the widest kernel. `corners` is the first
+//! part alone; `paper` is the paper's own variant; `project_weighted_sum` has the sum over texels too that a glossy
+//! lobe needs. Times are for one reprojection.
 
 use benches::gathers::{Gathers, gathers};
 use benches::rooms::{Rays, gather};

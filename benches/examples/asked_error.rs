@@ -1,6 +1,8 @@
-//! Whether `--error` keeps its word in scenes on which nothing was fitted: what is stated and what is true, as a table in Markdown.
+//! Whether `--error` keeps its word in scenes on which nothing was fitted: what is stated and what is true, as a table
+//! in Markdown.
 //!
-//! `cargo run --release -p benches --example asked_error`; ten minutes on two cores, half of them for the references by the path tracer.
+//! `cargo run --release -p benches --example asked_error`; ten minutes on two cores, half of them for the references by
+//! the path tracer.
 
 use benches::renders::{processor, render};
 use glam::{UVec2, Vec3};

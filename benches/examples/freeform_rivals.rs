@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release -p benches --example freeform_rivals`, on one thread.
 //!
-//! `fidget` meets no rays: it finds the first voxel of a grid whose middle is inside, by interval arithmetic over octree cells and compiled code. So both make a picture of parallel rays
-//! from above; its depth is known to a voxel. `polycool` finds roots of polynomials with given coefficients, which must be expanded first; both get the same
+//! `fidget` meets no rays: it finds the first voxel of a grid whose middle is inside, by interval arithmetic over
+//! octree cells and compiled code. So both make a picture of parallel rays from above; its depth is known to a voxel.
+//! `polycool` finds roots of polynomials with given coefficients, which must be expanded first; both get the same
 //! functions along a line, sums of two cubed quadratics and one quadratic.
 
 use std::hint::black_box;
@@ -65,7 +66,8 @@ fn union(psi: Psi, f: Tree, g: Tree) -> Tree {
     }
 }
 
-/// Returns the negative inside of a body of [`benches::bodies`]: a form, or the first of its leaves and every second one, less the rest.
+/// Returns the negative inside of a body of [`benches::bodies`]: a form, or the first of its leaves and every second
+/// one, less the rest.
 fn expression(solid: &Solid) -> Tree {
     let forms: Vec<Tree> = solid.forms().iter().map(form).collect();
     let inside = match solid.operation() {

@@ -1,6 +1,8 @@
-//! Free forms against meshes of them: rays a second, bytes, seconds to build and what the mesh gets wrong, as a table in Markdown.
+//! Free forms against meshes of them: rays a second, bytes, seconds to build and what the mesh gets wrong, as a table
+//! in Markdown.
 //!
-//! `cargo run --release -p benches --example freeform_table [BODY]...`, on one thread; a body by its name in the table, all without any.
+//! `cargo run --release -p benches --example freeform_table [BODY]...`, on one thread; a body by its name in the table,
+//! all without any.
 
 use std::time::Instant;
 

@@ -1,7 +1,8 @@
-//! What a zoom onto the outline of a body shows of it as a form and as meshes: the error of the silhouette in pixels, as a table in Markdown.
+//! What a zoom onto the outline of a body shows of it as a form and as meshes: the error of the silhouette in pixels,
+//! as a table in Markdown.
 //!
-//! `cargo run --release -p benches --example freeform_zoom`. The camera stands 3 metres from points of the outline, and 512 pixels show 45 degrees over the zoom: by how many pixels
-//! the last ray that hits is off.
+//! `cargo run --release -p benches --example freeform_zoom`. The camera stands 3 metres from points of the outline, and
+//! 512 pixels show 45 degrees over the zoom: by how many pixels the last ray that hits is off.
 
 use benches::bodies::{bumpy, mesh_of_error, scene_of_form, scene_of_mesh, tree};
 use benches::outlines::outline_error;

@@ -1,5 +1,5 @@
-//! What it saves to choose lights by the point: deviation and time of one light sample with its shadow ray, by flux alone and by what lamps may bring there, as a table in
-//! Markdown.
+//! What it saves to choose lights by the point: deviation and time of one light sample with its shadow ray, by flux
+//! alone and by what lamps may bring there, as a table in Markdown.
 //!
 //! `cargo run --release -p benches --example lights_table`, on one thread.
 

@@ -1,6 +1,8 @@
-//! A scene that adds one thing at a time: what each costs, and that what is not there costs nothing, as tables in Markdown.
+//! A scene that adds one thing at a time: what each costs, and that what is not there costs nothing, as tables in
+//! Markdown.
 //!
-//! `cargo run --release -p benches --example one_by_one`; a minute on two cores. All bodies stand there from the start, only what they are made of changes.
+//! `cargo run --release -p benches --example one_by_one`; a minute on two cores. All bodies stand there from the start,
+//! only what they are made of changes.
 
 use benches::renders::{median, processor, render};
 use glam::{UVec2, Vec3};

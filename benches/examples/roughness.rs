@@ -1,7 +1,8 @@
-//! A metal floor from rough to smooth: error and time, across the roughness from which on a lobe is traced and reads no texture, as a table in Markdown.
+//! A metal floor from rough to smooth: error and time, across the roughness from which on a lobe is traced and reads no
+//! texture, as a table in Markdown.
 //!
-//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 13 of them without any; five minutes on two cores, most of them
-//! for the references by the path tracer.
+//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 13 of them without any; five
+//! minutes on two cores, most of them for the references by the path tracer.
 
 use benches::renders::{Runs, processor, render};
 use glam::{UVec2, Vec3};

@@ -1,7 +1,8 @@
-//! How each method fares as a thing gets harder, against closed forms: error and time in tables in Markdown and in a chart.
+//! How each method fares as a thing gets harder, against closed forms: error and time in tables in Markdown and in a
+//! chart.
 //!
-//! `cargo run --release -p benches --example stability [SWEEP]... [FILE.svg]`, all sweeps without a name; five minutes on two cores. FILE.svg becomes the chart of the
-//! errors.
+//! `cargo run --release -p benches --example stability [SWEEP]... [FILE.svg]`, all sweeps without a name; five minutes
+//! on two cores. FILE.svg becomes the chart of the errors.
 
 use std::time::Instant;
 
@@ -10,7 +11,8 @@ use benches::renders::processor;
 use tests::graded::{Graded, ball_lamp, glowing_room, half_sky, slit, wedge};
 use tests::{Effort, METHODS, Pictures, Term};
 
-/// What every picture may cost: quality 1, with as many samples as keep the noise of `path` near one percent where nothing is hard.
+/// What every picture may cost: quality 1, with as many samples as keep the noise of `path` near one percent where
+/// nothing is hard.
 const EFFORT: Effort = Effort { side: 32, seeds: 4, path_spp: 256, spp: 8, quality: 1.0 };
 
 /// A thing that gets harder from value to value.

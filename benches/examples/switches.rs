@@ -1,6 +1,7 @@
 //! What each part of the reprojection is good for: time and error with it and without it, as a table in Markdown.
 //!
-//! `cargo run --release -p benches --example switches [SCENE]...`, all study scenes without any; a minute for each on two cores.
+//! `cargo run --release -p benches --example switches [SCENE]...`, all study scenes without any; a minute for each on
+//! two cores.
 
 use benches::renders::{Runs, STUDY_SCENES, processor};
 use integrator::metrics::Reference;

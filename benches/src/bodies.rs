@@ -108,7 +108,8 @@ fn error(solid: &Solid, mesh: &SurfaceMesh) -> f64 {
     distances[distances.len() * 99 / 100]
 }
 
-/// Returns the coarsest mesh whose error is at most `share` of the size of the solid, and how long it took to make; `None` where it grows too large.
+/// Returns the coarsest mesh whose error is at most `share` of the size of the solid, and how long it took to make;
+/// `None` where it grows too large.
 ///
 /// # Panics
 /// Never for sound arguments.

@@ -35,9 +35,10 @@ const PAIRS: usize = 12;
 /// Paths through each texel, for a radiance about as smooth as that of a photon map.
 const PATHS: u32 = 32;
 
-/// Gathers of `n x n` texels seen by the cameras of the Cornell box, matt and glossy, of the atrium under its sky, of the scene that is
-/// embedded in the program, and of a cow on a floor; then on the floor of a box with 60 others in it, in the Cornell box with normals that turn, as those
-/// of curved surfaces do, and there with elements that keep contrasts, as where lobes read them.
+/// Gathers of `n x n` texels seen by the cameras of the Cornell box, matt and glossy, of the atrium under its sky, of
+/// the scene that is embedded in the program, and of a cow on a floor; then on the floor of a box with 60 others in it,
+/// in the Cornell box with normals that turn, as those of curved surfaces do, and there with elements that keep
+/// contrasts, as where lobes read them.
 ///
 /// # Panics
 /// If a scene is not there.

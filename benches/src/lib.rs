@@ -29,7 +29,8 @@ pub struct Move {
     pub to: Vec3A,
 }
 
-/// Records with `n x n` texels in four scenes: a room with two blocks, with 60 boxes, with spheres, and a yard under the sky.
+/// Records with `n x n` texels in four scenes: a room with two blocks, with 60 boxes, with spheres, and a yard under
+/// the sky.
 #[must_use]
 pub fn moves(n: usize) -> Vec<Move> {
     let scenes = [

@@ -1,6 +1,7 @@
 //! Outlines of bodies, and how far off those are that a scene shows of them.
 //!
-//! Rays are those of the renderer, whose directions are rounded to single precision; the truth is found in f64, for the directions that were meant.
+//! Rays are those of the renderer, whose directions are rounded to single precision; the truth is found in f64, for the
+//! directions that were meant.
 
 use freeform::Solid;
 use glam::DVec3;
@@ -61,7 +62,8 @@ impl View {
 pub struct OutlineError {
     /// The median.
     pub median: f64,
-    /// What all but a hundredth keep. Where ridges stand before each other there are several outlines, and the search may end at another one.
+    /// What all but a hundredth keep. Where ridges stand before each other there are several outlines, and the search
+    /// may end at another one.
     pub most: f64,
     /// Points that were compared.
     pub points: usize,

@@ -26,7 +26,8 @@ pub struct Panel<'a> {
 /// Panels in a row.
 const ACROSS: usize = 4;
 
-/// Returns the panels side by side, in rows of four; names and titles are written as they are, so they hold nothing that means something in XML.
+/// Returns the panels side by side, in rows of four; names and titles are written as they are, so they hold nothing
+/// that means something in XML.
 #[must_use]
 pub fn side_by_side(panels: &[Panel]) -> String {
     let rows = panels.len().div_ceil(ACROSS);

@@ -117,7 +117,8 @@ pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Returns the power of x with which y grows: the slope of the line through the points where both axes are logarithmic, by least squares.
+/// Returns the power of x with which y grows: the slope of the line through the points where both axes are logarithmic,
+/// by least squares.
 #[must_use]
 pub fn exponent(points: &[(f64, f64)]) -> f64 {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
@@ -128,13 +129,15 @@ pub fn exponent(points: &[(f64, f64)]) -> f64 {
     above / below
 }
 
-/// Begins anew to look for the largest resident size of the process; does nothing where the system has no such file (all but Linux).
+/// Begins anew to look for the largest resident size of the process; does nothing where the system has no such file
+/// (all but Linux).
 pub fn forget_peak() {
     // 5: see proc_pid_clear_refs(5). Where it fails, the peak is that of the whole process so far.
     let _ = fs::write("/proc/self/clear_refs", "5");
 }
 
-/// Returns the largest resident size in bytes since [`forget_peak`]; `None` where the system does not tell (all but Linux).
+/// Returns the largest resident size in bytes since [`forget_peak`]; `None` where the system does not tell (all but
+/// Linux).
 #[must_use]
 pub fn peak_bytes() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;

@@ -14,20 +14,20 @@ use crate::files;
 
 /// Measure how far a picture is from its reference: relMSE, FLIP and the ratio of their means.
 ///
-/// Pictures are EXR, HDR, PNG or JPEG; codes of 8 bits are made linear by the sRGB curve. Pixels that are not finite are
-/// counted, and left out of relMSE and the means.
+/// Pictures are EXR, HDR, PNG or JPEG; codes of 8 bits are made linear by the sRGB curve. Pixels that are not finite
+/// are counted, and left out of relMSE and the means.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompareArgs {
     /// The picture
     image: PathBuf,
     /// What it should be
     reference: PathBuf,
-    /// Write a picture of the difference: red where the picture is brighter, blue where it is darker, full colour at half
-    /// of the reference, yellow where a pixel is not finite
+    /// Write a picture of the difference: red where the picture is brighter, blue where it is darker, full colour at
+    /// half of the reference, yellow where a pixel is not finite
     #[arg(long, value_name = "FILE.png")]
     diff: Option<PathBuf>,
-    /// End with exit code 1 when a measure is above this: relmse, robust, flip, or ratio (distance of the ratio of means
-    /// from 1); may be given for several
+    /// End with exit code 1 when a measure is above this: relmse, robust, flip, or ratio (distance of the ratio of
+    /// means from 1); may be given for several
     #[arg(long, value_name = "MEASURE=LIMIT")]
     max: Vec<Limit>,
 }

@@ -14,8 +14,8 @@ use crate::view::ViewArgs;
 
 /// Tell what became of one pixel while the whole picture is made.
 ///
-/// Its light by terms, beside what paths find there and how far off it may be; and for each surface in it the records, verification, holes
-/// and incident light. Takes about the time of three pictures.
+/// Its light by terms, beside what paths find there and how far off it may be; and for each surface in it the records,
+/// verification, holes and incident light. Takes about the time of three pictures.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ExplainArgs {
     /// Scene (.toml or .obj)

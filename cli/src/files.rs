@@ -1,5 +1,5 @@
-//! Files that appear whole or not at all: written beside their place, then renamed. What is beside its place when the program
-//! is interrupted is removed.
+//! Files that appear whole or not at all: written beside their place, then renamed. What is beside its place when the
+//! program is interrupted is removed.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Cursor, Seek, Write};
@@ -90,7 +90,8 @@ impl Staged {
     fn try_add(&mut self, path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> io::Result<()> {
         let target = resolve(path);
         if is_stream(&target) {
-            // They know no places to go back to; and what is in a file already to which the output of the program goes stays there.
+            // They know no places to go back to; and what is in a file already to which the output of the program goes
+            // stays there.
             let mut bytes = Cursor::new(Vec::new());
             fill(&mut bytes)?;
             return File::options().append(true).open(&target)?.write_all(bytes.get_ref());
@@ -134,8 +135,8 @@ pub(crate) fn write_all(files: &[(&Path, Vec<u8>)]) -> Result<(), Failure> {
     staged.finish()
 }
 
-/// Files beside their places, which nobody would remove if the program were ended. The only state that is shared with the
-/// handler of signals; whoever holds it keeps that waiting.
+/// Files beside their places, which nobody would remove if the program were ended. The only state that is shared with
+/// the handler of signals; whoever holds it keeps that waiting.
 static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
@@ -162,8 +163,8 @@ fn beside(target: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder_of(target))
 }
 
-/// Where `path` leads: a symbolic link stays a link, and the file it names is replaced, whether it exists or not. What is open already, such as `/dev/stdout`, is
-/// left by its number.
+/// Where `path` leads: a symbolic link stays a link, and the file it names is replaced, whether it exists or not. What
+/// is open already, such as `/dev/stdout`, is left by its number.
 fn resolve(path: &Path) -> PathBuf {
     let mut target = path.to_owned();
     for _ in 0..MAX_LINKS {

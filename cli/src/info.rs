@@ -38,7 +38,8 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The forms of a scene as tables of a scene file: name and text of each, without its material, its copies and its projection.
+/// The forms of a scene as tables of a scene file: name and text of each, without its material, its copies and its
+/// projection.
 fn forms(path: &Path) -> Result<String, Failure> {
     let loaded = load(path)?;
     let mut text = String::new();

@@ -24,8 +24,8 @@ const DEFAULT_NAME: &str = "the embedded scene";
 
 /// Render a scene to EXR and PNG.
 ///
-/// The EXR holds linear radiance, unclamped, with the terms and albedo, normal and depth as further channels. The PNG is
-/// multiplied by 2^EV, clamped and encoded as sRGB. Existing files are replaced, and only by whole ones.
+/// The EXR holds linear radiance, unclamped, with the terms and albedo, normal and depth as further channels. The PNG
+/// is multiplied by 2^EV, clamped and encoded as sRGB. Existing files are replaced, and only by whole ones.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RenderArgs {
     /// Scene to render (.toml or .obj); an embedded one where none is named
@@ -33,8 +33,8 @@ pub(crate) struct RenderArgs {
     scene: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
-    /// Render until the relative error is at most E in 95 % of the pixels, by the picture's own estimate, which becomes a channel of the
-    /// EXR; the quality is that of the first round
+    /// Render until the relative error is at most E in 95 % of the pixels, by the picture's own estimate, which becomes
+    /// a channel of the EXR; the quality is that of the first round
     #[arg(long, value_name = "E", value_parser = args::error, allow_hyphen_values = true, conflicts_with = "spp")]
     error: Option<f32>,
     /// Picture to write, .exr or .png; may be given twice [default: freelux.exr and freelux.png]
@@ -43,8 +43,8 @@ pub(crate) struct RenderArgs {
     /// Write this term of the picture alone
     #[arg(long, value_enum)]
     term: Option<Term>,
-    /// Tell in channels of the EXR how each pixel got its indirect light: interpolated, reprojected or gathered, and what records knew of
-    /// its hemisphere
+    /// Tell in channels of the EXR how each pixel got its indirect light: interpolated, reprojected or gathered, and
+    /// what records knew of its hemisphere
     #[arg(long)]
     rungs: bool,
     /// Write where the records of the cache are, how far they reach and how much light they have, as a cloud of points
@@ -215,8 +215,8 @@ impl RenderArgs {
     }
 }
 
-/// The exposure that brings nine tenths of the pixels below a half, in quarters of a stop: the brightest tenth has one stop
-/// before it is clamped.
+/// The exposure that brings nine tenths of the pixels below a half, in quarters of a stop: the brightest tenth has one
+/// stop before it is clamped.
 fn automatic_exposure(size: UVec2, picture: &[Vec3]) -> f32 {
     // That of relMSE brings them below 0.8.
     let factor =

@@ -16,26 +16,30 @@ const DEFAULT_FILES: &[(&str, &[u8])] = &[("vase.obj", include_bytes!("../scenes
 /// The method, its settings, the camera and the surroundings.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ViewArgs {
-    /// How to render: the cache of reprojected radiance, the same without a cache, an irradiance cache, or the reference path tracer
+    /// How to render: the cache of reprojected radiance, the same without a cache, an irradiance cache, or the
+    /// reference path tracer
     #[arg(long, value_parser = args::method())]
     method: Option<Method>,
-    /// Speed against accuracy: four times the quality takes about three times the time, below 1 twice, by path four times [default: the scene's, or 1]
+    /// Speed against accuracy: four times the quality takes about three times the time, below 1 twice, by path four
+    /// times [default: the scene's, or 1]
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     quality: Option<f32>,
     /// Samples a pixel, instead of what the quality gives
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     spp: Option<u32>,
-    /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, sides (even, adaptive), depth (layer,
-    /// parallax), step, verify, light-samples, light-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage (rect, quad), trail (all, silhouettes, uncovered),
-    /// weights (bits, areas), reach (distance, hessian), gradients, walls, clamp, gaps, limit, divide, highlights, margins, doubt (on, off), samples (even, adaptive),
-    /// secondary (cells, photons, paths); may be given several times
+    /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, sides
+    /// (even, adaptive), depth (layer, parallax), step, verify, light-samples, light-guide, lobe-rays, lobe-guide,
+    /// lobe-reuse, texture-alpha, photons, coverage (rect, quad), trail (all, silhouettes, uncovered), weights (bits,
+    /// areas), reach (distance, hessian), gradients, walls, clamp, gaps, limit, divide, highlights, margins, doubt (on,
+    /// off), samples (even, adaptive), secondary (cells, photons, paths); may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]
     set: Vec<args::StudySetting>,
-    /// What of a texture a reprojected element covers: its quadrilateral, or the rectangle around that, as in the paper [default: quad]
+    /// What of a texture a reprojected element covers: its quadrilateral, or the rectangle around that, as in the paper
+    /// [default: quad]
     #[arg(long, value_name = "KIND", value_parser = args::choice("coverage", ["quad", "rect"]))]
     coverage: Option<args::StudySetting>,
-    /// What leaves a trail of texels about which nothing is known: silhouettes as far as they uncover something, as far as they move, or
-    /// all elements, as in the paper [default: uncovered]
+    /// What leaves a trail of texels about which nothing is known: silhouettes as far as they uncover something, as far
+    /// as they move, or all elements, as in the paper [default: uncovered]
     #[arg(long, value_name = "KIND", value_parser = args::choice("trail", ["uncovered", "silhouettes", "all"]))]
     trail: Option<args::StudySetting>,
     /// Width and height in pixels [default: the scene's, or 640x360]
@@ -130,8 +134,8 @@ impl ViewArgs {
         Ok(Some(camera))
     }
 
-    /// All that was given, as names and values of the command line, with method, quality, size and seed in any case. Threads are left
-    /// out: the picture does not depend on them.
+    /// All that was given, as names and values of the command line, with method, quality, size and seed in any case.
+    /// Threads are left out: the picture does not depend on them.
     pub(crate) fn words(&self, settings: &Settings) -> Vec<(&'static str, Option<String>)> {
         let vector = |v: Vec3| format!("{},{},{}", v.x, v.y, v.z);
         let mut words = Vec::new();

@@ -14,8 +14,8 @@ use crate::{
 
 /// A quadric along the ray, `a s^2 + b s + c`, and what its coefficients may be off at most.
 ///
-/// Ranges of quadratics are what a ray asks most. So they have no interval arithmetic of their own but one bound of all roundings together: no branch, and an
-/// eighth of the time.
+/// Ranges of quadratics are what a ray asks most. So they have no interval arithmetic of their own but one bound of all
+/// roundings together: no branch, and an eighth of the time.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Along {
     quadratic: Quadratic,
@@ -89,7 +89,8 @@ mod tests {
         };
         let number = |x: i128| x as f64;
         for k in 0..100_000_u32 {
-            // So many bits that most sums and products round, and that exact ones fit 128. Some rays pass close by, so that all digits of a place cancel.
+            // So many bits that most sums and products round, and that exact ones fit 128. Some rays pass close by, so
+            // that all digits of a place cancel.
             let bits = 19 + k % 10;
             let mut vector = |bits: u32| [whole(bits), whole(bits), whole(bits)];
             let (home, d, t, s) =

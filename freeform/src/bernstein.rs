@@ -1,13 +1,15 @@
 //! The function along one piece of a ray in Bernstein form, where signs of coefficients bound the number of roots.
 //!
-//! On a piece the function is F(s) + sum f_i Q_i(s)^3 with F and Q_i quadratic in the ray parameter s. Each quadratic has three Bernstein coefficients on a span: its
-//! values at the ends and its polar form between them. Products stay in Bernstein form, so the sextic is never expanded in powers, and a sub-span gets its
-//! coefficients afresh from the quadratics: nothing is inherited from a wider span but the quadratics themselves.
+//! On a piece the function is F(s) + sum f_i Q_i(s)^3 with F and Q_i quadratic in the ray parameter s. Each quadratic
+//! has three Bernstein coefficients on a span: its values at the ends and its polar form between them. Products stay in
+//! Bernstein form, so the sextic is never expanded in powers, and a sub-span gets its coefficients afresh from the
+//! quadratics: nothing is inherited from a wider span but the quadratics themselves.
 //!
 //! A span with an infinite end, s = s0 + w u/(1-u), has the same coefficients after multiplication by (1-u)^6.
 //!
 //! # Source
-//! Descartes' rule in Bernstein form: Lane and Riesenfeld 1981, Bounds on a polynomial. Product: Farouki and Rajan 1988, Algorithms for polynomials in Bernstein form.
+//! Descartes' rule in Bernstein form: Lane and Riesenfeld 1981, Bounds on a polynomial. Product: Farouki and Rajan
+//! 1988, Algorithms for polynomials in Bernstein form.
 
 use crate::quadratic::Quadratic;
 
@@ -81,8 +83,8 @@ impl Cube {
     }
 }
 
-/// Returns the Bernstein coefficients of `base + sum of cubes` on a span where every quadratic is positive, and the weights of the terms of the first, of those
-/// between and of the last: rounding is a share of them.
+/// Returns the Bernstein coefficients of `base + sum of cubes` on a span where every quadratic is positive, and the
+/// weights of the terms of the first, of those between and of the last: rounding is a share of them.
 pub(crate) fn sextic_on(
     base: Quadratic,
     base_weight: Quadratic,
@@ -97,7 +99,8 @@ pub(crate) fn sextic_on(
     ];
     let mut weights = ends.map(|s| base_weight.at(s));
     let [f0, f1, f2] = quadratic_on(base, span);
-    // Sum in scaled coefficients (binomial times Bernstein), which multiply like powers. The base times (1, 4, 6, 4, 1), cut off where the span is infinite.
+    // Sum in scaled coefficients (binomial times Bernstein), which multiply like powers. The base times (1, 4, 6, 4,
+    // 1), cut off where the span is infinite.
     let f1 = 2.0 * f1;
     let mut sum = if span.lo == f64::NEG_INFINITY {
         [0.0, 0.0, 0.0, 0.0, f0, f1, f2]
@@ -148,7 +151,8 @@ pub(crate) struct Signs {
     pub(crate) first: f64,
     /// Last sign that is known.
     pub(crate) last: f64,
-    /// Unknown signs may hide more changes: between known ones two, and one where more than the coefficient of an end is unknown.
+    /// Unknown signs may hide more changes: between known ones two, and one where more than the coefficient of an end
+    /// is unknown.
     pub(crate) doubtful: bool,
 }
 

@@ -1,17 +1,19 @@
 //! A ray through a blend of free forms: no polynomial, so that roots are isolated by interval arithmetic.
 //!
-//! On a stretch of the ray the function has a range of values and its derivative one of slopes, both rounded outwards. Where the values do not include zero there is no
-//! root; where the slopes do not, the signs at the ends tell whether there is one; else the stretch is halved, until it is as short as rounding. No step size
-//! and no tolerance decide: what is settled is settled as exact arithmetic would.
+//! On a stretch of the ray the function has a range of values and its derivative one of slopes, both rounded outwards.
+//! Where the values do not include zero there is no root; where the slopes do not, the signs at the ends tell whether
+//! there is one; else the stretch is halved, until it is as short as rounding. No step size and no tolerance decide:
+//! what is settled is settled as exact arithmetic would.
 //!
-//! Quadratics are taken about the middle of the stretch, q(m) + q'(m) h + a h^2, and the whole once more by its mean value, f(m) + f' h: both errors
-//! shrink with the square of the length.
+//! Quadratics are taken about the middle of the stretch, q(m) + q'(m) h + a h^2, and the whole once more by its mean
+//! value, f(m) + f' h: both errors shrink with the square of the length.
 //!
-//! On most stretches most parts say nothing, and are not asked again (see `evaluation`); and most of space is far from the surface, and is crossed at once (see
-//! `cells`). A plate with a hundred holes costs what the few at hand do.
+//! On most stretches most parts say nothing, and are not asked again (see `evaluation`); and most of space is far from
+//! the surface, and is crossed at once (see `cells`). A plate with a hundred holes costs what the few at hand do.
 //!
 //! # Source
-//! Moore 1966, Interval analysis. Kalra and Barr 1989, Guaranteed ray intersections with implicit surfaces, with derivatives in place of rate bounds.
+//! Moore 1966, Interval analysis. Kalra and Barr 1989, Guaranteed ray intersections with implicit surfaces, with
+//! derivatives in place of rate bounds.
 
 use std::ops::ControlFlow;
 
@@ -28,7 +30,8 @@ use crate::{
     tree::{Place, Token, form_tokens},
 };
 
-/// Halvings before a stretch counts as a point: more than the 53 bits of a number, and some to come down from `ENDLESS`.
+/// Halvings before a stretch counts as a point: more than the 53 bits of a number, and some to come down from
+/// `ENDLESS`.
 const DEPTH_MAX: u32 = 100;
 /// Stretches that a ray may be cut into: a guard. Few take more than a handful, one that touches the surface 200.
 const STRETCHES_MAX: u32 = 20_000;
@@ -36,9 +39,11 @@ const STRETCHES_MAX: u32 = 20_000;
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
 /// Nor is one on which the values range no farther than so many times what rounding leaves open of single values.
 const HIDDEN: f64 = 2.0;
-/// A blend without bounds is followed for so many times the distance of the ray from its first form, and so many metres.
+/// A blend without bounds is followed for so many times the distance of the ray from its first form, and so many
+/// metres.
 const ENDLESS: f64 = 1e12;
-/// The start of a ray is on the surface if its value is this many times what rounding of the start and of the value can make.
+/// The start of a ray is on the surface if its value is this many times what rounding of the start and of the value can
+/// make.
 const START_ROUNDING: f64 = 8.0;
 
 /// A form along the ray, with those of its perturbations that may act.
@@ -54,7 +59,8 @@ struct Function<'a> {
     leaves: Vec<Option<Leaf>>,
 }
 
-/// Shows each crossing of the ray with the blend at `place` to `visit`, in order, until that breaks off. The ray is cut to the extent.
+/// Shows each crossing of the ray with the blend at `place` to `visit`, in order, until that breaks off. The ray is cut
+/// to the extent.
 pub(crate) fn walk(
     solid: &Solid,
     place: Place,
@@ -116,7 +122,8 @@ impl Leaf {
 }
 
 impl Function<'_> {
-    /// Returns the values and slopes within `radius` of `m`; parts that say nothing there are added to the silent ones, unless it is one point alone.
+    /// Returns the values and slopes within `radius` of `m`; parts that say nothing there are added to the silent ones,
+    /// unless it is one point alone.
     fn about(&self, m: f64, radius: f64, silent: &mut Silent) -> RangeSlope {
         self.evaluate(silent, radius > 0.0, |leaf| {
             let mut sum = leaf.base.about(m, radius);
@@ -242,7 +249,8 @@ impl Isolation<'_> {
         }
     }
 
-    /// Returns how far beyond the start the root lies that it stands for, if the start is on the surface but for rounding.
+    /// Returns how far beyond the start the root lies that it stands for, if the start is on the surface but for
+    /// rounding.
     fn reach_of_surface(&mut self, point_error: f64) -> Option<f64> {
         let start = self.solid.local_linear(self.ray.at(self.ray.t_min), self.place);
         let Range { lo, hi } = self.function.about(self.ends.0, 0.0, &mut self.silent).value;
@@ -302,7 +310,8 @@ impl Isolation<'_> {
                 }
             };
         }
-        // Halves would show no more where the rounding of one value hides as much. It grows along the ray: what it hides in the middle may show at an end.
+        // Halves would show no more where the rounding of one value hides as much. It grows along the ray: what it
+        // hides in the middle may show at an end.
         let is_hidden = middle.sign() == 0.0 && mean.width() <= HIDDEN * middle.width() && {
             let mut noise = |s: f64| self.function.about(s, 0.0, &mut self.silent).value.width();
             mean.width() <= HIDDEN * noise(lo).min(noise(hi))

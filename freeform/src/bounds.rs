@@ -1,14 +1,16 @@
 //! Boxes around forms, in closed form and never too small.
 //!
-//! Where all Q_i < 0 a form is its base, so its inside lies in the base or in a swelling (f_i > 0) where Q_i >= 0. There moreover F >= -K with
-//! K = sum over swellings of f_i (max Q_i)^3, for the sum of the perturbations is at most K:
+//! Where all Q_i < 0 a form is its base, so its inside lies in the base or in a swelling (f_i > 0) where Q_i >= 0.
+//! There moreover F >= -K with K = sum over swellings of f_i (max Q_i)^3, for the sum of the perturbations is at most
+//! K:
 //!
 //! ```text
 //! inside  is in  {F >= 0}  or  union over f_i > 0 of ({Q_i >= 0} and {F + K >= 0})
 //! ```
 //!
-//! Each set is where one quadric is not negative. With v the variables that occur in it, Q = c - (v - m)^T S (v - m) and S positive definite, that is an ellipsoid
-//! of half-widths sqrt(c (S^-1)_kk) about m: tight, and endless along the variables that do not occur.
+//! Each set is where one quadric is not negative. With v the variables that occur in it, Q = c - (v - m)^T S (v - m)
+//! and S positive definite, that is an ellipsoid of half-widths sqrt(c (S^-1)_kk) about m: tight, and endless along the
+//! variables that do not occur.
 
 use glam::DVec3;
 
@@ -35,9 +37,11 @@ pub(crate) struct Extent {
     pub(crate) max: DVec3,
 }
 
-/// Smallest pivot, after scaling to a unit diagonal, with which a quadric still counts as an ellipsoid: below it rounding decides about the box.
+/// Smallest pivot, after scaling to a unit diagonal, with which a quadric still counts as an ellipsoid: below it
+/// rounding decides about the box.
 const PIVOT_MIN: f64 = 1e-6;
-/// Rounding of centre and widths, times the largest coordinate and over the smallest pivot: 64 steps, where some 20 operations are done.
+/// Rounding of centre and widths, times the largest coordinate and over the smallest pivot: 64 steps, where some 20
+/// operations are done.
 const PADDING: f64 = 64.0 * f64::EPSILON;
 /// The box is widened by this share at least, so that a ray in a tangent plane of the solid starts clearly outside.
 const MARGIN: f64 = 1e-9;
@@ -160,7 +164,8 @@ fn peak(quadric: &Quadric) -> f64 {
 }
 
 impl Ellipsoid {
-    /// Completes the square; `None` where the quadratic part is not clearly negative definite in the variables that occur.
+    /// Completes the square; `None` where the quadratic part is not clearly negative definite in the variables that
+    /// occur.
     fn of(quadric: &Quadric) -> Option<Self> {
         // With the largest coefficient between 1 and 2, a common factor of 2^k changes no bit of the box.
         let largest = quadric.coefficients.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
@@ -169,7 +174,8 @@ impl Ellipsoid {
         let hessian = quadric.hessian();
         let linear = quadric.linear();
         let occurs = |k: usize| hessian.col(k) != DVec3::ZERO || linear[k] != 0.0;
-        // Scaling to a unit diagonal makes pivots comparable; a variable that does not occur becomes an independent one with its centre at 0.
+        // Scaling to a unit diagonal makes pivots comparable; a variable that does not occur becomes an independent one
+        // with its centre at 0.
         let mut scale = DVec3::ONE;
         for k in (0..3).filter(|&k| occurs(k)) {
             if hessian.col(k)[k] >= 0.0 {

@@ -56,7 +56,8 @@ impl Boxes {
             + size_of_val(&self.endless[..])
     }
 
-    /// Shows the things whose box `o + t d`, `t_min <= t <= t_max`, meets, with where it enters the box, in no particular order.
+    /// Shows the things whose box `o + t d`, `t_min <= t <= t_max`, meets, with where it enters the box, in no
+    /// particular order.
     pub(crate) fn along(&self, o: DVec3, d: DVec3, t_min: f64, t_max: f64, mut visit: impl FnMut(u32, f64)) {
         self.descend(|extent| extent.clip(o, d, t_min, t_max).map(|(near, _)| near), &mut visit);
     }

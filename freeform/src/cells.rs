@@ -1,7 +1,8 @@
-//! Where a blend has its surface: its box cut into cells, each inside, outside, or on the surface with the few parts that have a say there.
+//! Where a blend has its surface: its box cut into cells, each inside, outside, or on the surface with the few parts
+//! that have a say there.
 //!
-//! A cell is found in ranges, as a stretch of a ray is: what the values over its box, rounded outwards, do not decide is halved along its longest side. A ray
-//! crosses the cells inside and outside without a look at the function.
+//! A cell is found in ranges, as a stretch of a ray is: what the values over its box, rounded outwards, do not decide
+//! is halved along its longest side. A ray crosses the cells inside and outside without a look at the function.
 //!
 //! # Source
 //! Duff 1992, Interval arithmetic and recursive subdivision for implicit functions and constructive solid geometry.
@@ -16,7 +17,8 @@ use crate::{
     tree::{Token, form_tokens},
 };
 
-/// Times that the box is halved: 2048 cells for 8 forms or more, half as many for each halving of that, for fewer forms gain less by them.
+/// Times that the box is halved: 2048 cells for 8 forms or more, half as many for each halving of that, for fewer forms
+/// gain less by them.
 const LEVELS: u32 = 11;
 const LEVELS_OF_ONE: u32 = 8;
 /// Cells are known to be what they are this share of the box beyond their faces, where rounding may put a ray.

@@ -1,7 +1,7 @@
 //! A tree of solids in ranges of values, where parts that say nothing are left out.
 //!
-//! Where one function is above another by the width of the blend, the union is the first, to the last digit, and the other is silent: it is not asked again within
-//! that stretch of a ray, or that part of space.
+//! Where one function is above another by the width of the blend, the union is the first, to the last digit, and the
+//! other is silent: it is not asked again within that stretch of a ray, or that part of space.
 
 use crate::{
     Operation, Psi,
@@ -40,7 +40,8 @@ impl Compared for Slope {
     }
 }
 
-/// Tokens whose subtrees say nothing on a stretch and on all parts of it: a stack of bit sets, one for each stretch that is open.
+/// Tokens whose subtrees say nothing on a stretch and on all parts of it: a stack of bit sets, one for each stretch
+/// that is open.
 #[derive(Debug, Clone)]
 pub(crate) struct Silent {
     words: Vec<u64>,

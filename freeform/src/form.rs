@@ -21,8 +21,8 @@ pub struct Perturbation {
 /// F'(p) = F(p) + sum_i f_i max(0, Q_i(p))^3,   inside where F'(p) >= 0
 /// ```
 ///
-/// Twice continuously differentiable everywhere. Coefficients are relative to `origin`, so that a form far from the world's origin keeps its digits: move a
-/// form by its origin, not by its coefficients.
+/// Twice continuously differentiable everywhere. Coefficients are relative to `origin`, so that a form far from the
+/// world's origin keeps its digits: move a form by its origin, not by its coefficients.
 ///
 /// # Source
 /// Equations 1 to 3 of the paper.
@@ -64,7 +64,8 @@ impl FreeForm {
     /// Returns the form whose coefficients are relative to `origin`.
     ///
     /// # Errors
-    /// A number is not finite, or a quadric is zero everywhere. A base of zero would make all space outside the perturbations solid.
+    /// A number is not finite, or a quadric is zero everywhere. A base of zero would make all space outside the
+    /// perturbations solid.
     pub fn with_origin(origin: DVec3, base: Quadric, perturbations: Vec<Perturbation>) -> Result<Self, FormError> {
         if !origin.is_finite() {
             return Err(FormError::OutOfRange("the origin"));
@@ -119,7 +120,8 @@ impl FreeForm {
         self.base.value(p) + sum
     }
 
-    /// Returns the gradient of F' at `p`: grad F + sum 3 f Q^2 grad Q over the positive Q. It points inwards on the surface.
+    /// Returns the gradient of F' at `p`: grad F + sum 3 f Q^2 grad Q over the positive Q. It points inwards on the
+    /// surface.
     pub fn gradient(&self, p: DVec3) -> DVec3 {
         let p = p - self.origin;
         let mut sum = DVec3::ZERO;
@@ -154,7 +156,8 @@ impl FreeForm {
         }
     }
 
-    /// Shows the perturbations that may act on `p + s d`, relative to the origin, for `lo <= s <= hi`, by their place in the form.
+    /// Shows the perturbations that may act on `p + s d`, relative to the origin, for `lo <= s <= hi`, by their place
+    /// in the form.
     #[inline]
     pub(crate) fn near_ray(&self, p: DVec3, d: DVec3, lo: f64, hi: f64, mut visit: impl FnMut(u32)) {
         match &self.supports {
@@ -198,7 +201,8 @@ impl FreeForm {
         &self.extent
     }
 
-    /// Returns the form moved by `transform`. A pure translation moves the origin alone and keeps every digit of the coefficients.
+    /// Returns the form moved by `transform`. A pure translation moves the origin alone and keeps every digit of the
+    /// coefficients.
     ///
     /// # Errors
     /// The transformation is singular or not finite, or coefficients overflow.

@@ -1,6 +1,7 @@
 //! Sets of points on a ray: ordered, disjoint intervals and their algebra.
 //!
-//! A solid is a closed set, so along a ray it is a list of closed intervals. Union and difference of solids along the ray are union and difference of such lists.
+//! A solid is a closed set, so along a ray it is a list of closed intervals. Union and difference of solids along the
+//! ray are union and difference of such lists.
 
 /// A stretch of a ray inside a solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,15 +12,18 @@ pub struct Interval {
     pub t_out: f64,
 }
 
-/// How many rounding steps of the ray parameter two faces may be apart and still touch. Both are polished roots with an error of a few steps each.
+/// How many rounding steps of the ray parameter two faces may be apart and still touch. Both are polished roots with an
+/// error of a few steps each.
 const TOUCHING_ULPS: f64 = 16.0;
 
-/// Returns the largest gap between faces near `t` that counts as no gap; `reach` is the ray parameter at which rounding of the origin shows (|origin| / |direction|).
+/// Returns the largest gap between faces near `t` that counts as no gap; `reach` is the ray parameter at which rounding
+/// of the origin shows (|origin| / |direction|).
 pub(crate) fn touching_gap(t: f64, reach: f64) -> f64 {
     TOUCHING_ULPS * f64::EPSILON * (t.abs() + reach)
 }
 
-/// Writes the stretches that are in `a` and not in `b`; both lists are ordered and disjoint, as `Solid::intervals` gives them.
+/// Writes the stretches that are in `a` and not in `b`; both lists are ordered and disjoint, as `Solid::intervals`
+/// gives them.
 ///
 /// The result is closed again: stretches of zero length are dropped, so that the difference of equal solids is empty.
 pub fn difference(a: &[Interval], b: &[Interval], out: &mut Vec<Interval>) {

@@ -1,11 +1,13 @@
 //! Meshes of solids, for programs that know nothing else.
 //!
-//! Space is cut into cubes and each cube into six tetrahedra that meet along its diagonal, the same way in all cubes. Corners are inside or not; each edge
-//! between an inside and an outside corner has one vertex, where the ray along the edge crosses the surface, and each tetrahedron one or two triangles. Whatever
-//! the corners say, that is a closed manifold. What is thinner than a cell may fall between the corners.
+//! Space is cut into cubes and each cube into six tetrahedra that meet along its diagonal, the same way in all cubes.
+//! Corners are inside or not; each edge between an inside and an outside corner has one vertex, where the ray along the
+//! edge crosses the surface, and each tetrahedron one or two triangles. Whatever the corners say, that is a closed
+//! manifold. What is thinner than a cell may fall between the corners.
 //!
 //! # Source
-//! Doi and Koide 1991: An efficient method of triangulating equi-valued surfaces by using tetrahedral cells. Kuhn 1960 for the six tetrahedra.
+//! Doi and Koide 1991: An efficient method of triangulating equi-valued surfaces by using tetrahedral cells. Kuhn 1960
+//! for the six tetrahedra.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -54,7 +56,8 @@ const CLEARANCE: f64 = 1e-6;
 const NONE: u32 = u32::MAX;
 /// Directions of edges from their lower corner: bits for x, y and z.
 const DIRECTIONS: usize = 7;
-/// The corners of the six tetrahedra of a cube, as bits for x, y and z: each is a way from corner 0 to corner 7 along the axes.
+/// The corners of the six tetrahedra of a cube, as bits for x, y and z: each is a way from corner 0 to corner 7 along
+/// the axes.
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]];
 
@@ -95,7 +98,8 @@ impl Solid {
 }
 
 impl SurfaceMesh {
-    /// Returns the mesh moved by a transformation that is not singular: the mesh of a copy of the solid. Outside stays outside.
+    /// Returns the mesh moved by a transformation that is not singular: the mesh of a copy of the solid. Outside stays
+    /// outside.
     #[must_use]
     pub fn transformed(&self, transform: &DAffine3) -> Self {
         let normal_matrix = transform.matrix3.inverse().transpose();
@@ -114,7 +118,8 @@ impl SurfaceMesh {
 
     /// Returns the mesh with texture coordinates: `uv` gives those of a point on a triangle with an outward normal.
     ///
-    /// Where u is an angle over a whole turn, it `runs_round`: a triangle across the seam goes on beyond 0 or 1, as pictures do that are repeated.
+    /// Where u is an angle over a whole turn, it `runs_round`: a triangle across the seam goes on beyond 0 or 1, as
+    /// pictures do that are repeated.
     ///
     /// # Panics
     /// If there are more than 2^32 of them.
@@ -144,7 +149,8 @@ impl SurfaceMesh {
         self
     }
 
-    /// Writes the mesh as an object of an OBJ file in which so many vertices, and so many texture coordinates, stand before it.
+    /// Writes the mesh as an object of an OBJ file in which so many vertices, and so many texture coordinates, stand
+    /// before it.
     ///
     /// # Errors
     /// Those of the writer.

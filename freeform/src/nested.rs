@@ -1,4 +1,5 @@
-//! Solids in files: a tree is refused at the depth limit while it is read, so that a file of a million brackets cannot exhaust the stack.
+//! Solids in files: a tree is refused at the depth limit while it is read, so that a file of a million brackets cannot
+//! exhaust the stack.
 
 use std::fmt;
 

@@ -10,23 +10,27 @@ use crate::{
 
 /// A gradient below this share of the terms that it is summed from is rounding.
 const GRADIENT_ROUNDING: f64 = 16.0 * f64::EPSILON;
-/// Step of the differences taken where the gradient vanishes, as a share of the solid's size: a cubic term changes by 1e-9 of its size, well above rounding.
+/// Step of the differences taken where the gradient vanishes, as a share of the solid's size: a cubic term changes by
+/// 1e-9 of its size, well above rounding.
 const STEP: f64 = 1e-3;
 /// A difference of values below this share of them is rounding.
 const DIFFERENCE_ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 impl Solid {
-    /// Returns the outward unit normal at a point of the surface, for a ray that came along `direction` (of any length).
+    /// Returns the outward unit normal at a point of the surface, for a ray that came along `direction` (of any
+    /// length).
     ///
-    /// It is minus the gradient. Where the gradient vanishes, in order: minus the difference of the function over a thousandth of the solid's size along each axis (that
-    /// finds the side of a triple root or a cusp), minus `direction` (at the apex of a cone no side is better than another), and +z where that is zero too. It is
-    /// never NaN.
+    /// It is minus the gradient. Where the gradient vanishes, in order: minus the difference of the function over a
+    /// thousandth of the solid's size along each axis (that finds the side of a triple root or a cusp), minus
+    /// `direction` (at the apex of a cone no side is better than another), and +z where that is zero too. It is never
+    /// NaN.
     pub fn normal(&self, p: DVec3, direction: DVec3) -> DVec3 {
         self.normal_of(Place::default(), p, direction)
     }
 
-    /// Returns value and gradient at a point of the part of the solid that a ray crossed there ([`Crossing::part`](crate::Crossing)): the first-order
-    /// behaviour of the whole, at a cost that does not grow with the number of parts.
+    /// Returns value and gradient at a point of the part of the solid that a ray crossed there
+    /// ([`Crossing::part`](crate::Crossing)): the first-order behaviour of the whole, at a cost that does not grow with
+    /// the number of parts.
     pub fn first_order(&self, part: u32, p: DVec3) -> (f64, DVec3) {
         let unit = &self.plan.units[part as usize];
         let local = self.local_linear(p, unit.place);

@@ -1,10 +1,12 @@
-//! What rays need to know of a tree of solids: its units, how their sides make the side of the whole, and where each of them matters.
+//! What rays need to know of a tree of solids: its units, how their sides make the side of the whole, and where each of
+//! them matters.
 //!
-//! A unit is a free form, or a subtree under a blend, which has no meaning as a set operation. Along a ray each unit is a set of intervals, found by
-//! itself; all other operations are those of sets. A node counts those of its parts that the ray is in, and is inside or not by that count alone.
+//! A unit is a free form, or a subtree under a blend, which has no meaning as a set operation. Along a ray each unit is
+//! a set of intervals, found by itself; all other operations are those of sets. A node counts those of its parts that
+//! the ray is in, and is inside or not by that count alone.
 //!
-//! A unit matters in the box of its inside, and there only where no operation above it is decided by another part: what is taken
-//! away matters in the box of what it is taken from.
+//! A unit matters in the box of its inside, and there only where no operation above it is decided by another part: what
+//! is taken away matters in the box of what it is taken from.
 
 use std::sync::OnceLock;
 
@@ -122,7 +124,8 @@ impl Plan {
         cells.map(|cells| self.cells[cells as usize].get_or_init(cut))
     }
 
-    /// Returns the memory held, bytes. Cells that no ray has asked for are not there: cutting them only to weigh them would take both time and that memory.
+    /// Returns the memory held, bytes. Cells that no ray has asked for are not there: cutting them only to weigh them
+    /// would take both time and that memory.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&self.units[..])
             + size_of_val(&self.nodes[..])

@@ -3,8 +3,9 @@
 /// Steps of the polish. Newton's needs about five; a triple root needs about 40 with bisection between.
 const STEPS_MAX: u32 = 100;
 
-/// Returns the root between `lo` and `hi`: Newton's method from `s`, kept between ends of known signs by bisection, until a step is shorter than rounding
-/// of s or than `tolerance`. `function` gives value and slope; it is positive at `lo` where `inside` is set, and has the other sign at `hi`.
+/// Returns the root between `lo` and `hi`: Newton's method from `s`, kept between ends of known signs by bisection,
+/// until a step is shorter than rounding of s or than `tolerance`. `function` gives value and slope; it is positive at
+/// `lo` where `inside` is set, and has the other sign at `hi`.
 #[inline]
 pub(crate) fn polish(
     (mut lo, mut s, mut hi): (f64, f64, f64),

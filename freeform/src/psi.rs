@@ -9,7 +9,8 @@ use crate::FormError;
 
 /// How the functions f and g of two solids become that of their union (eq. 4).
 ///
-/// The first two give the same set, the union itself, and the same surface; they differ in the values beside it. A blend fills the seam.
+/// The first two give the same set, the union itself, and the same surface; they differ in the values beside it. A
+/// blend fills the seam.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Psi {
@@ -20,8 +21,9 @@ pub enum Psi {
     RFunction,
     /// `max(f, g) + (width / 6) max(0, 1 - |f - g| / width)^3`: twice continuously differentiable.
     ///
-    /// It is the maximum where f and g differ by `width` or more, and nowhere above it by more than `width / 6`. The width is in units of the functions:
-    /// that of a ball of radius r falls by 2/r a metre at its surface ([`FreeForm::weighted`](crate::FreeForm::weighted) changes that).
+    /// It is the maximum where f and g differ by `width` or more, and nowhere above it by more than `width / 6`. The
+    /// width is in units of the functions: that of a ball of radius r falls by 2/r a metre at its surface
+    /// ([`FreeForm::weighted`](crate::FreeForm::weighted) changes that).
     Blend {
         /// Largest difference of f and g that is blended; positive.
         width: f64,
@@ -90,11 +92,13 @@ impl Psi {
         Joined { value, shares }
     }
 
-    /// Returns how far below zero every part must be, at least, for the union of `parts` to be below `-depth`: the bound that boxes need.
+    /// Returns how far below zero every part must be, at least, for the union of `parts` to be below `-depth`: the
+    /// bound that boxes need.
     pub(crate) fn depth_below(self, depth: f64, parts: usize) -> f64 {
         match self {
             Self::Maximum => depth,
-            // With both arguments at m < 0 the function is (2 - sqrt 2) m: nowhere is it a smaller share of the larger argument.
+            // With both arguments at m < 0 the function is (2 - sqrt 2) m: nowhere is it a smaller share of the larger
+            // argument.
             Self::RFunction if depth == 0.0 => 0.0,
             Self::RFunction => (1..parts).fold(depth, |depth, _| depth * 1.71),
             Self::Blend { width } => (1..parts).fold(depth, |depth, _| depth + width / 6.0 * (1.0 + 1e-12)),

@@ -33,8 +33,8 @@ impl Quadratic {
 
     /// Returns the roots where the sign changes.
     ///
-    /// One root comes from `q = -(b + sign(b) sqrt(b^2 - 4ac)) / 2` as `q / a`, the other as `c / q`: no difference of nearly equal numbers, and a vanishing `a`
-    /// sends one root to infinity and leaves the other right.
+    /// One root comes from `q = -(b + sign(b) sqrt(b^2 - 4ac)) / 2` as `q / a`, the other as `c / q`: no difference of
+    /// nearly equal numbers, and a vanishing `a` sends one root to infinity and leaves the other right.
     #[inline]
     pub(crate) fn roots(self) -> Roots {
         let Self { a, b, c } = self;
@@ -50,7 +50,8 @@ impl Quadratic {
         if r < s { Roots::Two(r, s) } else { Roots::Two(s, r) }
     }
 
-    /// Returns the sign of the polynomial far below all of its roots: that of the leading coefficient, turned for odd degree.
+    /// Returns the sign of the polynomial far below all of its roots: that of the leading coefficient, turned for odd
+    /// degree.
     #[inline]
     pub(crate) fn sign_at_minus_infinity(self) -> f64 {
         if self.a != 0.0 {

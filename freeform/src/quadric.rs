@@ -93,13 +93,15 @@ impl Quadric {
         Self { coefficients: self.coefficients.map(f64::abs) }
     }
 
-    /// Returns the sum of the absolute terms of Q(p + s d) as a polynomial in |s|; rounding errors of the value are shares of it.
+    /// Returns the sum of the absolute terms of Q(p + s d) as a polynomial in |s|; rounding errors of the value are
+    /// shares of it.
     #[inline]
     pub(crate) fn weight_along(&self, p: DVec3, d: DVec3) -> Quadratic {
         self.weights().along(p.abs(), d.abs())
     }
 
-    /// Returns by how much the coefficients of Q(p + s d) change where p moves by `step`, at most: the sums of the absolute terms. `a` does not change.
+    /// Returns by how much the coefficients of Q(p + s d) change where p moves by `step`, at most: the sums of the
+    /// absolute terms. `a` does not change.
     #[inline]
     pub(crate) fn weight_moved(&self, p: DVec3, d: DVec3, step: DVec3) -> Quadratic {
         let (weights, step) = (self.weights(), step.abs());
@@ -108,7 +110,8 @@ impl Quadric {
 
     /// Returns the range of Q within `h` of `p` along each axis, with room for all roundings.
     pub(crate) fn over_box(&self, p: DVec3, h: DVec3) -> Range {
-        /// At most 32 roundings of half a step, in sums of absolute terms that add up to less than four times the weight.
+        /// At most 32 roundings of half a step, in sums of absolute terms that add up to less than four times the
+        /// weight.
         const ROUNDING: f64 = 64.0 * f64::EPSILON;
         let [a11, a22, a33, a12, a13, a23, ..] = self.coefficients;
         let weight = self.weights().value(p.abs() + h);

@@ -1,8 +1,9 @@
 //! Rays against solids: nearest hit, any hit, and all stretches inside.
 //!
-//! Units of the solid (see `plan`) are asked in the order in which the ray enters their boxes, and only when the walk has come so far. Their crossings are
-//! taken in order; each changes the counts of the operations above it, and where the side of the whole changes there is a crossing of the solid. Faces that rounding
-//! cannot tell apart are crossed together, so that what touches hangs together and what was taken away leaves no skin.
+//! Units of the solid (see `plan`) are asked in the order in which the ray enters their boxes, and only when the walk
+//! has come so far. Their crossings are taken in order; each changes the counts of the operations above it, and where
+//! the side of the whole changes there is a crossing of the solid. Faces that rounding cannot tell apart are crossed
+//! together, so that what touches hangs together and what was taken away leaves no skin.
 
 use std::ops::ControlFlow;
 
@@ -27,9 +28,11 @@ struct Met {
 impl Solid {
     /// Returns the first crossing of the surface with `t_min < t < t_max`.
     ///
-    /// A ray that starts on the surface, within the rounding of its origin and of the form's size, does not cross it there: entering, its first crossing is the
-    /// exit; leaving, the next entry. A hit of a ray from more than a few times that size away, or on a form without end, may have more rounding than that: step it
-    /// onto the surface, by `-value / |gradient|^2` times the gradient, before it is a start. Touches (double roots) are no crossings; nor is a stretch of zero length.
+    /// A ray that starts on the surface, within the rounding of its origin and of the form's size, does not cross it
+    /// there: entering, its first crossing is the exit; leaving, the next entry. A hit of a ray from more than a few
+    /// times that size away, or on a form without end, may have more rounding than that: step it onto the surface, by
+    /// `-value / |gradient|^2` times the gradient, before it is a start. Touches (double roots) are no crossings; nor
+    /// is a stretch of zero length.
     pub fn first_hit(&self, ray: &Ray) -> Option<Crossing> {
         let mut first = None;
         if self.plan.is_union
@@ -44,12 +47,14 @@ impl Solid {
         first
     }
 
-    /// Says whether the ray crosses the surface with `t_min < t < t_max`: whether there is a [`Solid::first_hit`], which it takes as long as.
+    /// Says whether the ray crosses the surface with `t_min < t < t_max`: whether there is a [`Solid::first_hit`],
+    /// which it takes as long as.
     pub fn any_hit(&self, ray: &Ray) -> bool {
         self.first_hit(ray).is_some()
     }
 
-    /// Replaces the contents of `out` by the stretches of the ray inside the solid, in order and apart from each other; stretches of zero length are left out.
+    /// Replaces the contents of `out` by the stretches of the ray inside the solid, in order and apart from each other;
+    /// stretches of zero length are left out.
     pub fn intervals(&self, ray: &Ray, out: &mut Vec<Interval>) {
         out.clear();
         let mut open = None;
@@ -94,7 +99,8 @@ impl Solid {
         met
     }
 
-    /// Returns the first crossing of a union of units with a ray that starts outside of all: the first entry to any. Units beyond it are left out.
+    /// Returns the first crossing of a union of units with a ray that starts outside of all: the first entry to any.
+    /// Units beyond it are left out.
     fn first_of_union(&self, ray: &Ray) -> Result<Option<Crossing>, StartsInside> {
         let mut nearest: Option<Crossing> = None;
         for &Met { near, unit } in self.met(ray).entries() {
@@ -215,7 +221,8 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Takes note that the ray is in a unit from here on, or is no longer. Returns whether the side of the whole changed.
+    /// Takes note that the ray is in a unit from here on, or is no longer. Returns whether the side of the whole
+    /// changed.
     fn change(&mut self, unit: u32, entering: bool) -> bool {
         let Plan { units, nodes, .. } = &self.solid.plan;
         let unit = &units[unit as usize];

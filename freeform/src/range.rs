@@ -1,7 +1,7 @@
 //! Interval arithmetic with outward rounding: a range holds every value that exact arithmetic could give.
 //!
-//! Each result of the machine is at most half a step off, so one step outwards by `next_down` and `next_up` is enough. NaN never decides anything: a range
-//! with NaN has no sign.
+//! Each result of the machine is at most half a step off, so one step outwards by `next_down` and `next_up` is enough.
+//! NaN never decides anything: a range with NaN has no sign.
 
 use std::ops::{Add, Mul, Neg, Sub};
 

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 /// A ray `origin + t direction` for `t_min <= t <= t_max`.
 ///
-/// The direction need not be unit; `t` is counted in its length. The ends may be infinite: `Ray::line` is the whole line. A ray with a zero or non-finite
-/// direction or origin meets nothing.
+/// The direction need not be unit; `t` is counted in its length. The ends may be infinite: `Ray::line` is the whole
+/// line. A ray with a zero or non-finite direction or origin meets nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Point at `t = 0`.
@@ -55,6 +55,7 @@ pub struct Crossing {
     pub t: f64,
     /// Whether the ray is inside beyond it.
     pub entering: bool,
-    /// Which part of the solid was crossed: a free form or a blend of several, counted in the order of the description; 0 in a single form.
+    /// Which part of the solid was crossed: a free form or a blend of several, counted in the order of the description;
+    /// 0 in a single form.
     pub part: u32,
 }

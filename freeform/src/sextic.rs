@@ -1,4 +1,5 @@
-//! Roots on one piece where perturbations act: a polynomial of degree six, isolated by Bernstein signs and polished by Newton's method.
+//! Roots on one piece where perturbations act: a polynomial of degree six, isolated by Bernstein signs and polished by
+//! Newton's method.
 
 use std::ops::ControlFlow;
 
@@ -10,10 +11,11 @@ use crate::{
     trace::{Local, Walker, value_noise},
 };
 
-/// Cuts in half before a span counts as a point: more than the 53 bits of a finite one, and 1e72 units for an infinite one.
+/// Cuts in half before a span counts as a point: more than the 53 bits of a finite one, and 1e72 units for an infinite
+/// one.
 const DEPTH_MAX: u32 = 60;
-/// Spans that one piece may be cut into. Six roots a rounding apart take about 400; more are only asked for where rounding hides the sign over long stretches, or by numbers
-/// that overflow: there the signs that are known must do.
+/// Spans that one piece may be cut into. Six roots a rounding apart take about 400; more are only asked for where
+/// rounding hides the sign over long stretches, or by numbers that overflow: there the signs that are known must do.
 const SPANS_MAX: u32 = 1000;
 
 /// The function along the ray, on the piece where just these perturbations act.
@@ -59,7 +61,8 @@ impl Sextic<'_> {
         let signs = signs(&coefficients, weights.map(value_noise));
         let Span { lo, hi, .. } = span;
         if signs.first == 0.0 {
-            // Zero in every digit is the surface itself, which is inside; else rounding hides the sign and the walker keeps the last one.
+            // Zero in every digit is the surface itself, which is inside; else rounding hides the sign and the walker
+            // keeps the last one.
             return if coefficients == [0.0; COUNT] { walker.stretch(lo, hi, true) } else { ControlFlow::Continue(()) };
         }
         let inside = signs.first > 0.0;

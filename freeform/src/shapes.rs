@@ -32,7 +32,8 @@ impl Quadric {
         about(point, (outer(axis) - DMat3::IDENTITY) * (1.0 / (radius * radius)), DVec3::ZERO, 1.0)
     }
 
-    /// Returns the double cone about the line through `apex` along `axis`: `(h slope)^2 - r^2` at height h and distance r from the axis.
+    /// Returns the double cone about the line through `apex` along `axis`: `(h slope)^2 - r^2` at height h and distance
+    /// r from the axis.
     ///
     /// # Errors
     /// The apex is not finite, the axis zero or the slope (radius over height) not positive.
@@ -42,7 +43,8 @@ impl Quadric {
         about(apex, outer(axis) * (slope * slope + 1.0) - DMat3::IDENTITY, DVec3::ZERO, 0.0)
     }
 
-    /// Returns the paraboloid that opens along `axis` from `vertex`: `4 focal_length h - r^2` at height h and distance r from the axis.
+    /// Returns the paraboloid that opens along `axis` from `vertex`: `4 focal_length h - r^2` at height h and distance
+    /// r from the axis.
     ///
     /// # Errors
     /// The vertex is not finite, the axis zero or the focal length not positive.
@@ -52,8 +54,9 @@ impl Quadric {
         about(vertex, outer(axis) - DMat3::IDENTITY, 4.0 * focal_length * axis, 0.0)
     }
 
-    /// Returns the hyperboloid of one sheet about the line through `center` along `axis`: `1 + (h slope / radius)^2 - (r / radius)^2` at height h and
-    /// distance r from the axis. At its waist it has the radius, far away the slope (radius over height) of a cone.
+    /// Returns the hyperboloid of one sheet about the line through `center` along `axis`: `1 + (h slope / radius)^2 -
+    /// (r / radius)^2` at height h and distance r from the axis. At its waist it has the radius, far away the slope
+    /// (radius over height) of a cone.
     ///
     /// # Errors
     /// The centre is not finite, the axis zero, or the radius or the slope not positive.
@@ -64,8 +67,9 @@ impl Quadric {
         about(center, cone * (1.0 / (radius * radius)), DVec3::ZERO, 1.0)
     }
 
-    /// Returns the hyperboloid of two sheets about the line through `center` along `axis`: `(h / height)^2 - (r / (height slope))^2 - 1` at height h and
-    /// distance r from the axis. The sheets begin at `height` to both sides; far away they have the slope (radius over height) of a cone.
+    /// Returns the hyperboloid of two sheets about the line through `center` along `axis`: `(h / height)^2 - (r /
+    /// (height slope))^2 - 1` at height h and distance r from the axis. The sheets begin at `height` to both sides; far
+    /// away they have the slope (radius over height) of a cone.
     ///
     /// # Errors
     /// The centre is not finite, the axis zero, or the height or the slope not positive.
@@ -77,8 +81,8 @@ impl Quadric {
         about(center, cone * (1.0 / (radius * radius)), DVec3::ZERO, -1.0)
     }
 
-    /// Returns what lies below the saddle at `point`: `rise x^2 - fall y^2 - h` at height h along `axis`, x along `along` (as far as that is across the axis) and y
-    /// across both.
+    /// Returns what lies below the saddle at `point`: `rise x^2 - fall y^2 - h` at height h along `axis`, x along
+    /// `along` (as far as that is across the axis) and y across both.
     ///
     /// # Errors
     /// The point is not finite, the two directions are zero or parallel, or the rise or the fall is not positive.
@@ -98,7 +102,8 @@ impl Quadric {
         about(point, DMat3::ZERO, -unit(normal)?, 0.0)
     }
 
-    /// Returns the slab about the plane through `point`: 1 in the middle, 0 at `half_thickness` to both sides along `normal`.
+    /// Returns the slab about the plane through `point`: 1 in the middle, 0 at `half_thickness` to both sides along
+    /// `normal`.
     ///
     /// # Errors
     /// The point is not finite, the normal zero or the thickness not positive.

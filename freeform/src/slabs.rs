@@ -1,6 +1,7 @@
 //! The box around three slabs that lie across each other: what `clipped` leaves of a solid, turned anyhow.
 //!
-//! One slab |n.v - c| <= h is endless, and so is its box unless n is an axis; three with independent normals are a parallelepiped
+//! One slab |n.v - c| <= h is endless, and so is its box unless n is an axis; three with independent normals are a
+//! parallelepiped
 //!
 //! ```text
 //! v = sum (c_i + s_i h_i) d_i,   |s_i| <= 1,   d_i the dual basis of the n_i

@@ -45,7 +45,8 @@ impl Solid {
 
     /// Returns what is in the first part and in no other. Its function is `-psi(-f, g)`.
     ///
-    /// Solids are closed, and so is their difference: it keeps the surface of what was taken away. What remains without any thickness is dropped.
+    /// Solids are closed, and so is their difference: it keeps the surface of what was taken away. What remains without
+    /// any thickness is dropped.
     ///
     /// # Errors
     /// As of [`Solid::union`].
@@ -130,7 +131,8 @@ impl Solid {
         self.forms.len()
     }
 
-    /// Returns the memory held by the description and by what is derived from it, bytes. Blends hold more from the first ray on that meets them.
+    /// Returns the memory held by the description and by what is derived from it, bytes. Blends hold more from the
+    /// first ray on that meets them.
     pub fn memory_bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(&self.tokens[..])
@@ -160,7 +162,8 @@ impl Solid {
 
     /// Returns the gradient of the function at `p`; on the surface it points inwards.
     ///
-    /// Where it does not exist, on a seam of a union, it is one of its one-sided limits (maximum) or the sum of those of the parts (R-function).
+    /// Where it does not exist, on a seam of a union, it is one of its one-sided limits (maximum) or the sum of those
+    /// of the parts (R-function).
     pub fn gradient(&self, p: DVec3) -> DVec3 {
         self.local_linear(p, Place::default()).gradient
     }

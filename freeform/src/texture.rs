@@ -9,9 +9,10 @@ use crate::Solid;
 impl Solid {
     /// Returns texture coordinates (u, v) of a point.
     ///
-    /// A bounded solid takes them from the direction in which the centre of its box sees the point: u in [0, 1) is the right-handed angle about +y from -z over 2 pi,
-    /// v in [0, 1] the angle from -y over pi, so that a picture stands upright and is not mirrored as seen from outside (poles and centre give u = 0). An
-    /// unbounded one is mapped from above: (x, -z) in units of length, relative to the origin of its first form, to be repeated.
+    /// A bounded solid takes them from the direction in which the centre of its box sees the point: u in [0, 1) is the
+    /// right-handed angle about +y from -z over 2 pi, v in [0, 1] the angle from -y over pi, so that a picture stands
+    /// upright and is not mirrored as seen from outside (poles and centre give u = 0). An unbounded one is mapped from
+    /// above: (x, -z) in units of length, relative to the origin of its first form, to be repeated.
     pub fn texture_coordinates(&self, p: DVec3) -> DVec2 {
         let extent = self.extent();
         if extent.is_empty() || !extent.is_finite() {

@@ -1,8 +1,9 @@
 //! A ray through one free form: every place where the sign of its function changes, in order.
 //!
-//! Along a ray each quadric is a quadratic in the ray parameter. The roots of the perturbing quadratics cut the ray into pieces; on each the function is a
-//! polynomial of degree two (the base alone: solved in closed form) or six (see `sextic`). The pieces are walked in order by a `Walker` that knows on which side it is: a
-//! sign that differs from the last known one is a crossing, so a root at the end of a piece is neither lost nor doubled.
+//! Along a ray each quadric is a quadratic in the ray parameter. The roots of the perturbing quadratics cut the ray
+//! into pieces; on each the function is a polynomial of degree two (the base alone: solved in closed form) or six (see
+//! `sextic`). The pieces are walked in order by a `Walker` that knows on which side it is: a sign that differs from the
+//! last known one is a crossing, so a root at the end of a piece is neither lost nor doubled.
 //!
 //! Nothing is expanded about a far point: the ray's origin is moved beside the form before coefficients are formed.
 
@@ -26,13 +27,15 @@ const LARGE: usize = 32;
 
 /// Rounding of a value as a share of its absolute terms. A dip shallower than this is a touch, not two crossings.
 const VALUE_ROUNDING: f64 = 0.5 * f64::EPSILON;
-/// A start so near to the surface, in shares as above, is on the surface. Hit points that a caller computes carry several roundings.
+/// A start so near to the surface, in shares as above, is on the surface. Hit points that a caller computes carry
+/// several roundings.
 const START_ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Rounding of a start point as a share of the largest number that entered it; a hit near the form's origin has the rounding of the ray that
-/// found it, which is that of the form's size at least.
+/// Rounding of a start point as a share of the largest number that entered it; a hit near the form's origin has the
+/// rounding of the ray that found it, which is that of the form's size at least.
 const POINT_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// The ray in the frame of a form: `p + s d` with s = t - t0, and p the point of the ray nearest to the form's origin, or to its middle if that is elsewhere.
+/// The ray in the frame of a form: `p + s d` with s = t - t0, and p the point of the ray nearest to the form's origin,
+/// or to its middle if that is elsewhere.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Local {
     pub(crate) p: DVec3,
@@ -66,8 +69,8 @@ impl Local {
         }
         let (o, d) = (ray.origin - home, ray.direction);
         let (near, far) = extent.clip(o, d, ray.t_min, ray.t_max)?;
-        // The middle of the box, but along an axis along which it holds the form's origin that: numbers are smallest about there, and where a loose box
-        // reached 130 far from a small body, terms that cancel hid its crossings.
+        // The middle of the box, but along an axis along which it holds the form's origin that: numbers are smallest
+        // about there, and where a loose box reached 130 far from a small body, terms that cancel hid its crossings.
         let holds_origin = extent.min.cmple(DVec3::ZERO) & extent.max.cmpge(DVec3::ZERO);
         let middle = 0.5 * (extent.min + extent.max);
         let middle = DVec3::select(middle.is_finite_mask() & !holds_origin, middle, DVec3::ZERO);
@@ -93,7 +96,8 @@ impl Local {
         (p.is_finite() && local.lo < local.hi).then_some(local)
     }
 
-    /// Returns the change of s that moves a point by as much as p is long: the unit in which an infinite span is cut and below whose rounding no root is polished.
+    /// Returns the change of s that moves a point by as much as p is long: the unit in which an infinite span is cut
+    /// and below whose rounding no root is polished.
     #[inline]
     pub(crate) fn unit(&self) -> f64 {
         let unit = self.p_length / self.d_length;
@@ -317,14 +321,16 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
 
     /// Returns what is known at the end.
     pub(crate) fn finish(self, starts_in_reach: bool) -> Walked {
-        // A ray that stays in the surface is inside, for the solid is closed; at the edge of the box that is only rounding.
+        // A ray that stays in the surface is inside, for the solid is closed; at the edge of the box that is only
+        // rounding.
         let initial = self.initial.unwrap_or(starts_in_reach);
         // A crossing at the very end has nothing beyond it.
         let last = self.state.unwrap_or(initial);
         Walked { starts_inside: initial, ends_inside: last != self.pending.is_some() }
     }
 
-    /// Takes note that the function has one sign from `lo` to `hi`. After the other sign that is a crossing: in the middle of what rounding hides between the two.
+    /// Takes note that the function has one sign from `lo` to `hi`. After the other sign that is a crossing: in the
+    /// middle of what rounding hides between the two.
     #[inline]
     pub(crate) fn stretch(&mut self, lo: f64, hi: f64, inside: bool) -> ControlFlow<()> {
         let before = self.state.replace(inside);
@@ -346,7 +352,8 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
         }
     }
 
-    /// Takes note of a crossing. Two at the same t enclose nothing and are none; one at the start only says where the ray starts.
+    /// Takes note of a crossing. Two at the same t enclose nothing and are none; one at the start only says where the
+    /// ray starts.
     fn cross(&mut self, crossing: Crossing) -> ControlFlow<()> {
         match self.pending.take() {
             Some(earlier) if earlier.t >= crossing.t => return ControlFlow::Continue(()),
@@ -409,7 +416,8 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
         self.stretch(from, hi, inside)
     }
 
-    /// Walks such a piece from a start on the surface: that root is known, the slope tells the side beyond it and where the other root lies.
+    /// Walks such a piece from a start on the surface: that root is known, the slope tells the side beyond it and where
+    /// the other root lies.
     fn conic_from_root(&mut self, q: Quadratic, lo: f64, hi: f64) -> ControlFlow<()> {
         let slope = q.slope(lo);
         let side = if slope == 0.0 { q.a } else { slope };
@@ -424,8 +432,9 @@ impl<V: FnMut(Crossing) -> ControlFlow<()>> Walker<V> {
     }
 }
 
-/// Whether rounding hides a quadratic everywhere between its roots. That it does at the vertex is not enough: of a line that all but lies in a cone or a cylinder
-/// the vertex is far off, where rounding is large, and one of the roots may be near.
+/// Whether rounding hides a quadratic everywhere between its roots. That it does at the vertex is not enough: of a line
+/// that all but lies in a cone or a cylinder the vertex is far off, where rounding is large, and one of the roots may
+/// be near.
 fn is_hidden_between(q: Quadratic, weight: Quadratic, [first, second]: [f64; 2]) -> bool {
     let sign = -q.a.signum();
     // |q| less its rounding, for s of one sign: a quadratic of |s| that has a maximum.

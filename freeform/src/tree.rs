@@ -1,7 +1,7 @@
 //! How a solid is put together: set operations over free forms, written one after the other.
 //!
-//! The list is in prefix order, each operation before its parts, and an operation knows how many tokens it spans. So trees are joined by appending lists,
-//! and subtrees are slices.
+//! The list is in prefix order, each operation before its parts, and an operation knows how many tokens it spans. So
+//! trees are joined by appending lists, and subtrees are slices.
 
 use crate::{
     DEPTH_LIMIT, FormError, FreeForm, Psi,
@@ -157,7 +157,8 @@ pub(crate) fn extent(tokens: &[Token], forms: &[FreeForm], place: &mut Place, de
 /// Slabs that one intersection is looked through for at most: all triples of them are tried.
 const SLABS_MAX: usize = 12;
 
-/// Finds slabs in which all of the subtree at `place` lies where its function is `-depth` or more: forms that are parts of intersections alone.
+/// Finds slabs in which all of the subtree at `place` lies where its function is `-depth` or more: forms that are parts
+/// of intersections alone.
 fn find_slabs(tokens: &[Token], forms: &[FreeForm], place: &mut Place, depth: f64, slabs: &mut Vec<Slab>) {
     let (start, form) = (*place, place.form);
     match place.next(tokens) {

@@ -1,7 +1,7 @@
 //! The crossings that the crate finds are those of exact arithmetic: none missed, none invented.
 //!
-//! 10^5 rays by default, and 2 10^4 through trees; `FREEFORM_PARITY_RAYS=10000000` runs the full count of either, and `FREEFORM_PARITY_FROM=4500000` those of
-//! single forms from there on, for a run that was broken off.
+//! 10^5 rays by default, and 2 10^4 through trees; `FREEFORM_PARITY_RAYS=10000000` runs the full count of either, and
+//! `FREEFORM_PARITY_FROM=4500000` those of single forms from there on, for a run that was broken off.
 
 mod oracle;
 mod tree_parity;
@@ -213,8 +213,8 @@ fn on_all_threads<T: Default + Send>(
     })
 }
 
-/// What exact arithmetic says, and whether 16 copies with coefficients changed by 1e-14 agree. The copies come in pairs of opposite changes, so that a tangent
-/// ray, which one of the two loses, is told from a crossing one.
+/// What exact arithmetic says, and whether 16 copies with coefficients changed by 1e-14 agree. The copies come in pairs
+/// of opposite changes, so that a tangent ray, which one of the two loses, is told from a crossing one.
 fn truth(random: &mut Random, form: &RawForm, ray: &RawRay) -> (Option<Counted>, bool) {
     let counts = |form: &RawForm| interval::count(form, ray, 0.0).or_else(|| exact::count(form, ray));
     let Some(counted) = counts(form) else { return (None, false) };
@@ -231,8 +231,8 @@ fn truth(random: &mut Random, form: &RawForm, ray: &RawRay) -> (Option<Counted>,
     (Some(counted), true)
 }
 
-/// Whether one of 32 rays beside has other crossings: hit points and directions that callers compute carry roundings, so a start within some of the surface is on it, and
-/// a ray may lie in a plane.
+/// Whether one of 32 rays beside has other crossings: hit points and directions that callers compute carry roundings,
+/// so a start within some of the surface is on it, and a ray may lie in a plane.
 fn hangs_on_rounding(form: &RawForm, ray: &RawRay, counted: Counted) -> bool {
     let start = if ray.t_min.is_finite() { ray.t_min.abs() } else { 0.0 };
     let step = 1e-13 * (DVec3::from_array(ray.origin).length() + start);
@@ -372,7 +372,8 @@ fn assert_parity(draw: Draw) {
 
 #[test]
 fn lines_that_graze_a_cone_or_a_cylinder_cross_it_once() {
-    // Along a line of the surface, off it by 10^-9 at both ends of 8 metres: the quadratic's other root is far off, where rounding is large.
+    // Along a line of the surface, off it by 10^-9 at both ends of 8 metres: the quadratic's other root is far off,
+    // where rounding is large.
     let tilt = 2.5e-10;
     let mut random = Random(1);
     for _ in 0..100 {
@@ -401,7 +402,8 @@ fn lines_that_graze_a_cone_or_a_cylinder_cross_it_once() {
 #[test]
 fn rays_that_were_missed_once_are_met() {
     let line = |origin, direction| RawRay { origin, direction, t_min: f64::NEG_INFINITY, t_max: f64::INFINITY };
-    // Enters where a perturbation ends, within rounding, and that piece is 1895 long: both of its first coefficients are below its rounding.
+    // Enters where a perturbation ends, within rounding, and that piece is 1895 long: both of its first coefficients
+    // are below its rounding.
     let at_a_break = line(
         [-0.807_137_362_000_100_2, -0.168_116_616_691_852_4, -1.063_674_169_675_666_2],
         [-0.999_991_262_694_846_2, 0.0, 0.004_180_255_251_460_41],

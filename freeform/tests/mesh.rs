@@ -9,7 +9,8 @@ fn ball(center: DVec3, radius: f64) -> Solid {
     FreeForm::new(Quadric::sphere(center, radius).expect("a ball"), vec![]).expect("sound").into()
 }
 
-/// Every edge belongs to two triangles that run along it in opposite directions, and the triangles about each vertex are one fan.
+/// Every edge belongs to two triangles that run along it in opposite directions, and the triangles about each vertex
+/// are one fan.
 fn assert_manifold(mesh: &SurfaceMesh, name: &str) {
     let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
     for [a, b, c] in &mesh.triangles {

@@ -172,7 +172,8 @@ fn no_ray_that_restarts_on_a_surface_gets_to_the_wrong_side() {
 
 #[test]
 fn a_hit_from_a_few_sizes_away_is_a_start_on_the_surface() {
-    // The hit is a tenth from the form's origin, its rounding that of a ray from 4.6 away: the restart saw the surface again at t = 4.4e-16.
+    // The hit is a tenth from the form's origin, its rounding that of a ray from 4.6 away: the restart saw the surface
+    // again at t = 4.4e-16.
     let [xx, yy, zz] = [-21.599598846975926, -1.292914684928162, -2.5908580944775124];
     let [x, y, one] = [4.9161163737048685, -0.23564088569316774, 0.7095335503359023];
     let base = Quadric::new([xx, yy, zz, 0.0, 0.0, 0.0, x, y, 0.0, one]).unwrap();

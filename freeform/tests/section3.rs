@@ -148,7 +148,8 @@ fn thin_constant_base() {
     assert_eq!(FreeForm::new(zero, vec![]), Err(FormError::AllZero), "also behind the public field");
 }
 
-/// P(s) = (s - 1)...(s - 6) as a free form along x with s = (x - start) / e: P = Q^3 - 28/3 Q - 160/27 with Q = s (s - 7) + 28/3. Coefficients are about `origin`.
+/// P(s) = (s - 1)...(s - 6) as a free form along x with s = (x - start) / e: P = Q^3 - 28/3 Q - 160/27 with Q = s
+/// (s - 7) + 28/3. Coefficients are about `origin`.
 fn six_roots(start: f64, e: f64, origin: f64) -> Solid {
     let (a, shift) = (e.recip().powi(2), start - origin);
     // s (s - 7) in powers of x - origin.
@@ -171,7 +172,8 @@ fn wilkinson_six() {
 
 #[test]
 fn clustered_six() {
-    // The eigenvalues of a companion matrix are wrong by 2.3e-10, 1.1e-6 and 3.3e-3 for the first three gaps; here the cubes are never expanded.
+    // The eigenvalues of a companion matrix are wrong by 2.3e-10, 1.1e-6 and 3.3e-3 for the first three gaps; here the
+    // cubes are never expanded.
     for e in [0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6] {
         let expected: Vec<f64> = (1..=6).map(|i| 1.0 + f64::from(i) * e).collect();
         for direction in [DVec3::X, -DVec3::X, DVec3::new(0.5, 0.25, -2.0)] {
@@ -181,11 +183,12 @@ fn clustered_six() {
                 x.sort_by(f64::total_cmp);
                 x
             };
-            // Coefficients about 0 are rounded by eps/2 of up to 2/e^2 each, which moves Q by 4 eps/e^2 together and P by 3 Q^2 + 28/3 < 40 times that; P' is 12 at
-            // least. In x that is 14 eps/e, and as much again for the rounding of Q on the way.
+            // Coefficients about 0 are rounded by eps/2 of up to 2/e^2 each, which moves Q by 4 eps/e^2 together and P
+            // by 3 Q^2 + 28/3 < 40 times that; P' is 12 at least. In x that is 14 eps/e, and as much again for the
+            // rounding of Q on the way.
             assert_near(&place(&six_roots(1.0, e, 0.0)), &expected, 28.0 * f64::EPSILON / e, "about 0");
-            // About the cluster the gap no longer matters: the condition number of s = 4 is 3150, for what is rounded in the coefficients and once more in values; and
-            // 1 + i e is rounded.
+            // About the cluster the gap no longer matters: the condition number of s = 4 is 3150, for what is rounded
+            // in the coefficients and once more in values; and 1 + i e is rounded.
             let tolerance = 2.0 * 3150.0 * f64::EPSILON * e + 2.0 * f64::EPSILON;
             assert_near(&place(&six_roots(1.0, e, 1.0)), &expected, tolerance, "about the cluster");
         }
@@ -216,8 +219,9 @@ fn through(x: [f64; 3], y: [f64; 3]) -> [f64; 3] {
 
 #[test]
 fn one_piece_has_at_most_four_crossings() {
-    // Random bases hardly cross a cube more than twice, so each is laid through three points of it. Rolle: between roots of the function lies one of each derivative.
-    // What Q is in x, the piece on which it acts, and how many crossings that can have.
+    // Random bases hardly cross a cube more than twice, so each is laid through three points of it. Rolle: between
+    // roots of the function lies one of each derivative. What Q is in x, the piece on which it acts, and how many
+    // crossings that can have.
     let cases = [
         ("inside c - x^2: the squares of six roots would have the mean c", [-1.0, 0.0, 1.0], -1.0, 1.0, 4),
         ("x^2 + c: the third derivative 120 x^3 + 72 c x has one root", [1.0, 0.0, 1.0], -2.0, 2.0, 4),

@@ -1,4 +1,5 @@
-//! Trees of set operations: the same sets as Boolean algebra, in points and along rays; text and files; what is refused.
+//! Trees of set operations: the same sets as Boolean algebra, in points and along rays; text and files; what is
+//! refused.
 
 use freeform::{Bounds, DEPTH_LIMIT, FormError, FreeForm, Interval, Operation, Perturbation, Psi, Quadric, Ray, Solid};
 use glam::{DAffine3, DVec3};
@@ -184,7 +185,8 @@ fn what_is_taken_away_leaves_no_skin() {
 
 #[test]
 fn turned_boxes_are_bounded() {
-    // Each slab by itself is endless along every axis; together they have the box of the corners, also as a part and far away.
+    // Each slab by itself is endless along every axis; together they have the box of the corners, also as a part and
+    // far away.
     let cube = Solid::cuboid(DVec3::splat(-1.0), DVec3::new(1.0, 2.0, 1.0)).unwrap();
     let turn = DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.8);
     let place = DAffine3::from_translation(DVec3::new(0.0, 50.0, -1e4))
@@ -282,7 +284,8 @@ fn a_blend_of_equal_slabs_has_its_closed_form() {
 
 #[test]
 fn touches_of_a_blend_are_no_crossings() {
-    // Along x the blend of two balls of radius 1 about (+-a, 0, 0) has its waist in the middle: a line across it at the waist's height touches it.
+    // Along x the blend of two balls of radius 1 about (+-a, 0, 0) has its waist in the middle: a line across it at the
+    // waist's height touches it.
     let w = 0.5;
     let parts = vec![ball(DVec3::X * -0.9, 1.0), ball(DVec3::X * 0.9, 1.0)];
     let solid = Solid::union(Psi::Blend { width: w }, parts).unwrap();
@@ -424,7 +427,8 @@ fn a_blend_is_met_by_rays_that_aim_at_its_origin() {
 
 #[test]
 fn a_ray_beside_a_blend_stays_outside_whatever_rounding_is_far_off() {
-    // Along two parallel planes that are blended, a little above them: far out, rounding of the ray is more than its height.
+    // Along two parallel planes that are blended, a little above them: far out, rounding of the ray is more than its
+    // height.
     let half_space = |n: DVec3, depth: f64| -> Solid {
         FreeForm::new(Quadric::half_space(-depth * n, n).expect("a direction"), vec![]).expect("sound").into()
     };

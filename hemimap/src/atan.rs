@@ -22,12 +22,12 @@ const P: [f32; 8] = [
 
 /// Returns the arctangent of `x`, in radians, for |`x`| <= 1.
 ///
-/// The result lies in [-pi/4, pi/4], both ends taken (`atan_unit(1.0)` is `FRAC_PI_4`); it is odd in the bits, but
-/// for -0.0, which gives 0.0. A NaN gives NaN. Beyond [-1, 1] the polynomial runs away: reduce by pi/2 - atan(1/x) first.
+/// The result lies in [-pi/4, pi/4], both ends taken (`atan_unit(1.0)` is `FRAC_PI_4`); it is odd in the bits, but for
+/// -0.0, which gives 0.0. A NaN gives NaN. Beyond [-1, 1] the polynomial runs away: reduce by pi/2 - atan(1/x) first.
 ///
 /// # Accuracy
-/// Measured over all `f32` in [2^-8, 1]: absolute error at most 8.3e-8 and relative error at most 1.1e-7 (1.4 units in the
-/// last place). Below, the result is nearer still, for the cubic term fades.
+/// Measured over all `f32` in [2^-8, 1]: absolute error at most 8.3e-8 and relative error at most 1.1e-7 (1.4 units in
+/// the last place). Below, the result is nearer still, for the cubic term fades.
 ///
 /// ```
 /// assert!((hemimap::atan_unit(0.5) - 0.463_647_6).abs() < 1e-7);

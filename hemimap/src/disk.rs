@@ -1,5 +1,5 @@
-//! The concentric map between the unit square and the unit disk: area stays in proportion (everywhere pi to 1), neighbours
-//! stay neighbours, and rings of the square become rings of the disk.
+//! The concentric map between the unit square and the unit disk: area stays in proportion (everywhere pi to 1),
+//! neighbours stay neighbours, and rings of the square become rings of the disk.
 //!
 //! ```text
 //! a = 2u - 1,  b = 2v - 1
@@ -34,10 +34,11 @@ pub fn square_to_disk(u: Vec2) -> Vec2 {
     Vec2::new(x, y)
 }
 
-/// Returns the point of the unit square that belongs to the point `p` of the unit disk: the inverse of [`square_to_disk`].
+/// Returns the point of the unit square that belongs to the point `p` of the unit disk: the inverse of
+/// [`square_to_disk`].
 ///
-/// Both coordinates lie in [0, 1], both ends taken: see [`texel_index`]. The centre gives (1/2, 1/2), and a finite point
-/// outside the disk is moved to the rim first.
+/// Both coordinates lie in [0, 1], both ends taken: see [`texel_index`]. The centre gives (1/2, 1/2), and a finite
+/// point outside the disk is moved to the rim first.
 ///
 /// # Accuracy
 /// A point of the square comes back within 1.8e-7 (1.5 `f32::EPSILON`) from [`square_to_disk`]; of that, the polynomial
@@ -50,8 +51,8 @@ pub fn disk_to_square(p: Vec2) -> Vec2 {
 
 /// Returns which of `n` equal cells of [0, 1] holds the coordinate `u`, from 0 to `n` - 1.
 ///
-/// The maps back to the square reach 1 on the rim, where `u * n` alone would name cell `n`. What lies outside [0, 1] goes
-/// to the nearest cell, NaN to cell 0. `n` is at least 1 and below 2^24.
+/// The maps back to the square reach 1 on the rim, where `u * n` alone would name cell `n`. What lies outside [0, 1]
+/// goes to the nearest cell, NaN to cell 0. `n` is at least 1 and below 2^24.
 ///
 /// ```
 /// assert_eq!(hemimap::texel_index(0.5, 32), 16);

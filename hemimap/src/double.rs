@@ -1,5 +1,6 @@
-//! The same maps, formulas and names in `f64`, one at a time: for references, finite differences and whatever needs more
-//! digits. Domains and edges are those of the `f32` forms; the measured errors are the same numbers of `EPSILON` or less.
+//! The same maps, formulas and names in `f64`, one at a time: for references, finite differences and whatever needs
+//! more digits. Domains and edges are those of the `f32` forms; the measured errors are the same numbers of `EPSILON`
+//! or less.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_4};
@@ -64,7 +65,8 @@ pub fn atan_unit(x: f64) -> f64 {
     x + x * (s * horner(&ATAN, s))
 }
 
-/// Returns (sin, cos) of the angle `t` pi/4, for |`t`| <= 1, each within 2.3e-16; near 0 the sine keeps its digits. No function of the platform is called.
+/// Returns (sin, cos) of the angle `t` pi/4, for |`t`| <= 1, each within 2.3e-16; near 0 the sine keeps its digits. No
+/// function of the platform is called.
 ///
 /// ```
 /// let (sin, cos) = hemimap::double::sin_cos_eighth_turn(1.0);
@@ -107,7 +109,8 @@ pub fn square_to_cosine_hemisphere(u: DVec2) -> DVec3 {
     DVec3::new(x, y, ((1.0 - r) * (1.0 + r)).sqrt())
 }
 
-/// Returns the point of the unit square that belongs to the unit direction `w`. See [`crate::cosine_hemisphere_to_square`].
+/// Returns the point of the unit square that belongs to the unit direction `w`. See
+/// [`crate::cosine_hemisphere_to_square`].
 #[inline]
 #[must_use]
 pub fn cosine_hemisphere_to_square(w: DVec3) -> DVec2 {

@@ -27,8 +27,8 @@ impl Frame {
     /// Returns a frame around the unit normal `n`.
     ///
     /// It is continuous in `n` except where n.z changes sign; where neighbours must agree, use
-    /// [`transported_to`](Self::transported_to). A normal that is unit within rounding gives axes that are unit and at right
-    /// angles within 4 `f32::EPSILON`, for every direction.
+    /// [`transported_to`](Self::transported_to). A normal that is unit within rounding gives axes that are unit and at
+    /// right angles within 4 `f32::EPSILON`, for every direction.
     ///
     /// # Source
     /// Duff, Burgess, Christensen, Hery, Kensler, Liani and Villemin 2017, "Building an Orthonormal Basis, Revisited",

@@ -5,14 +5,15 @@
 //! uniform:  z = (1 - r)(1 + r),        x, y times sqrt(2 - r^2)        pdf = 1/(2 pi)
 //! ```
 //!
-//! Straight up is (1/2, 1/2), the horizon is the edge of the square. Equal areas of the square are equal projected solid
-//! angles (cosine) or equal solid angles (uniform).
+//! Straight up is (1/2, 1/2), the horizon is the edge of the square. Equal areas of the square are equal projected
+//! solid angles (cosine) or equal solid angles (uniform).
 
 use crate::disk::{from_disk, to_disk};
 use glam::{Vec2, Vec3A};
 use std::f32::consts::FRAC_1_PI;
 
-/// Returns the direction that belongs to the point `u` of the unit square; uniform points give the density cos(theta)/pi.
+/// Returns the direction that belongs to the point `u` of the unit square; uniform points give the density
+/// cos(theta)/pi.
 ///
 /// Local frame, z is the normal. `u` lies in [0, 1] x [0, 1]; z >= 0 and, on the edge, z = 0.
 ///
@@ -20,7 +21,8 @@ use std::f32::consts::FRAC_1_PI;
 /// Each coordinate within 1.1e-7, the length within 2e-7 of 1. The bits are the same on every system.
 ///
 /// # Source
-/// Malley's lift of the disk of Shirley and Chiu 1997. z comes from r, not from x and y: 1 - x^2 - y^2 can fall below 0.
+/// Malley's lift of the disk of Shirley and Chiu 1997. z comes from r, not from x and y: 1 - x^2 - y^2 can fall
+/// below 0.
 #[inline]
 #[must_use]
 pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3A {
@@ -30,20 +32,21 @@ pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3A {
 /// Returns the point of the unit square that belongs to the unit direction `w`: the inverse of
 /// [`square_to_cosine_hemisphere`].
 ///
-/// Local frame. Both coordinates lie in [0, 1], both ends taken: see [`texel_index`](crate::texel_index). z is not read: a
-/// direction from below the horizon gives the point of its mirror image, and one that rounding has put there does no harm.
+/// Local frame. Both coordinates lie in [0, 1], both ends taken: see [`texel_index`](crate::texel_index). z is not
+/// read: a direction from below the horizon gives the point of its mirror image, and one that rounding has put there
+/// does no harm.
 ///
 /// # Accuracy
-/// A point of the square comes back within 1.8e-7. A direction comes back within 3e-7 in x and y, in z within 3e-7/z, for
-/// z = sqrt(1 - r^2) is steep at the horizon: 5e-4 there.
+/// A point of the square comes back within 1.8e-7. A direction comes back within 3e-7 in x and y, in z within 3e-7/z,
+/// for z = sqrt(1 - r^2) is steep at the horizon: 5e-4 there.
 #[inline]
 #[must_use]
 pub fn cosine_hemisphere_to_square(w: Vec3A) -> Vec2 {
     Vec2::from_array(from_disk(w.x, w.y))
 }
 
-/// Returns the density of [`square_to_cosine_hemisphere`] at the unit direction `w`, per steradian: cos(theta)/pi, and 0
-/// at or below the horizon.
+/// Returns the density of [`square_to_cosine_hemisphere`] at the unit direction `w`, per steradian: cos(theta)/pi, and
+/// 0 at or below the horizon.
 #[inline]
 #[must_use]
 pub fn square_to_cosine_hemisphere_pdf(w: Vec3A) -> f32 {
@@ -79,8 +82,8 @@ pub fn uniform_hemisphere_to_square(w: Vec3A) -> Vec2 {
     Vec2::from_array(from_uniform(w.x, w.y, w.z))
 }
 
-/// Returns the density of [`square_to_uniform_hemisphere`] at the unit direction `w`, per steradian: 1/(2 pi), and 0 below
-/// the horizon.
+/// Returns the density of [`square_to_uniform_hemisphere`] at the unit direction `w`, per steradian: 1/(2 pi), and 0
+/// below the horizon.
 #[inline]
 #[must_use]
 pub fn square_to_uniform_hemisphere_pdf(w: Vec3A) -> f32 {

@@ -1,12 +1,13 @@
-//! Sine and cosine of angles up to an eighth turn, as polynomials: all that the concentric map needs, and, turned by quarters, of any.
+//! Sine and cosine of angles up to an eighth turn, as polynomials: all that the concentric map needs, and, turned by
+//! quarters, of any.
 //!
 //! ```text
 //! sin(t pi/4) = t (pi/4 + s S(s)),   cos(t pi/4) = 1 + s C(s),   s = t^2
 //! ```
 //!
 //! S (degree 2) and C (degree 3) are minimax fits in the relative error of the result, held to the exact value at s = 1
-//! (Remez; errors 4.4e-9 and 7.2e-11). Rounded to `f32`, their last digits were then chosen among the neighbours so that at
-//! t = 1 both are the `f32` next to sqrt(1/2): the two halves of the concentric map then meet in the same bits.
+//! (Remez; errors 4.4e-9 and 7.2e-11). Rounded to `f32`, their last digits were then chosen among the neighbours so
+//! that at t = 1 both are the `f32` next to sqrt(1/2): the two halves of the concentric map then meet in the same bits.
 
 use std::f32::consts::FRAC_PI_4;
 
@@ -17,8 +18,8 @@ const C: [f32; 4] = [-0.308_425_1, 0.015_854_284, -0.000_325_934_6, 3.528_875e-6
 
 /// Returns (sin, cos) of the angle `t` pi/4, for |t| <= 1.
 ///
-/// Measured over all `f32` in [2^-8, 1]: sin within 7.9e-8 (1.7 units in the last place) and cos within 6.9e-8 of the exact
-/// values, sin^2 + cos^2 within 1.9e-7 of 1. sin(-t) = -sin(t) and cos(-t) = cos(t) hold for the bits.
+/// Measured over all `f32` in [2^-8, 1]: sin within 7.9e-8 (1.7 units in the last place) and cos within 6.9e-8 of the
+/// exact values, sin^2 + cos^2 within 1.9e-7 of 1. sin(-t) = -sin(t) and cos(-t) = cos(t) hold for the bits.
 #[inline]
 #[must_use]
 pub(crate) fn sin_cos_eighth_turn(t: f32) -> (f32, f32) {
@@ -30,8 +31,9 @@ pub(crate) fn sin_cos_eighth_turn(t: f32) -> (f32, f32) {
 
 /// Returns (sin, cos) of an angle given in whole turns, which is how a uniform number chooses an azimuth.
 ///
-/// No function of the platform is called, so that all systems have the same bits. Each is within 1.2e-7 of the exact value for turns in [-1, 1]; beyond, the rounding of
-/// the angle itself is more, and from 2^20 turns on neither means anything. What is not finite gives NaN.
+/// No function of the platform is called, so that all systems have the same bits. Each is within 1.2e-7 of the exact
+/// value for turns in [-1, 1]; beyond, the rounding of the angle itself is more, and from 2^20 turns on neither means
+/// anything. What is not finite gives NaN.
 ///
 /// ```
 /// let (sin, cos) = hemimap::sin_cos_turn(0.25);
@@ -40,7 +42,8 @@ pub(crate) fn sin_cos_eighth_turn(t: f32) -> (f32, f32) {
 #[inline]
 #[must_use]
 pub fn sin_cos_turn(turns: f32) -> (f32, f32) {
-    /// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also below 0, and leaves that in the low bits.
+    /// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also
+    /// below 0, and leaves that in the low bits.
     const ROUND: f32 = 12_582_912.0;
     let quarters = 4.0 * turns;
     let shifted = quarters + ROUND;

@@ -1,18 +1,23 @@
-//! How many primary samples each pixel takes: many where they differ, at edges, in half shadows and in gloss, few where all are alike.
+//! How many primary samples each pixel takes: many where they differ, at edges, in half shadows and in gloss, few where
+//! all are alike.
 //!
-//! Every pixel takes some samples first. What they tell of the noise around a pixel, without its own samples, decides how many it takes altogether: its
-//! count depends on nothing that enters its mean, so that the mean stays without bias (a pixel that judges itself keeps too often what it found too
-//! dark: Kirk and Arvo 1991). With s the deviation of the samples in the pixels around and m their mean,
+//! Every pixel takes some samples first. What they tell of the noise around a pixel, without its own samples, decides
+//! how many it takes altogether: its count depends on nothing that enters its mean, so that the mean stays without bias
+//! (a pixel that judges itself keeps too often what it found too dark: Kirk and Arvo 1991). With s the deviation of the
+//! samples in the pixels around and m their mean,
 //!
 //! ```text
 //! samples = k (s / D)^(4/5),     D^2 = m^2 + 0.01 (bright / 0.8)^2
 //! ```
 //!
-//! has the least noise for its number of samples, where that is s^2 / (D^2 samples^(3/2)), as it is for stratified samples of the edge of a body or of
-//! a shadow. D is the denominator of relMSE, `bright` the 90th percentile of the picture (of what is not black, where that is). Edges between two pixels count
-//! in s, too, for a light that a pixel's few samples missed may be seen by its neighbours'. Counts are the first one times a power of two, for which
-//! Sobol's points are stratified best. Of s^2 there, what the light samples of a primary sample differ by counts in full, the rest a fifth: the noise of edges, which all samples of a pixel
-//! cut at the same places, falls faster. How many there are altogether, the mean of s^2 / (D^2 samples) decides: the noise of independent samples, which is a good deal more than the true one.
+//! has the least noise for its number of samples, where that is s^2 / (D^2 samples^(3/2)), as it is for stratified
+//! samples of the edge of a body or of a shadow. D is the denominator of relMSE, `bright` the 90th percentile of the
+//! picture (of what is not black, where that is). Edges between two pixels count in s, too, for a light that a pixel's
+//! few samples missed may be seen by its neighbours'. Counts are the first one times a power of two, for which Sobol's
+//! points are stratified best. Of s^2 there, what the light samples of a primary sample differ by counts in full, the
+//! rest a fifth: the noise of edges, which all samples of a pixel cut at the same places, falls faster. How many there
+//! are altogether, the mean of s^2 / (D^2 samples) decides: the noise of independent samples, which is a good deal more
+//! than the true one.
 //!
 //! # Source
 //! Mitchell 1996: Consequences of Stratified Sampling in Graphics.
@@ -36,7 +41,8 @@ const MOST: u32 = 64;
 /// The binary logarithm of k lies in this interval, which is halved so many times.
 const RANGE: (f32, f32) = (-32.0, 64.0);
 const HALVINGS: u32 = 16;
-/// What the part of s^2 counts that light samples do not tell: pictures with 0.05 are as good, those with 1 take a tenth to a quarter longer.
+/// What the part of s^2 counts that light samples do not tell: pictures with 0.05 are as good, those with 1 take a
+/// tenth to a quarter longer.
 const EDGES: f64 = 0.2;
 /// Pixels that one thread sums up.
 const CHUNK: usize = 1 << 12;
@@ -45,7 +51,8 @@ const CHUNK: usize = 1 << 12;
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct SampleNoise {
     count: u32,
-    /// Sums over the samples of the light that they found, mean of R, G and B, and of the light that they would reflect of an even radiance of 1.
+    /// Sums over the samples of the light that they found, mean of R, G and B, and of the light that they would reflect
+    /// of an even radiance of 1.
     sum: DVec2,
     /// Sums of the squares, and of the products of both.
     sum_sq: DVec2,
@@ -55,7 +62,8 @@ pub(crate) struct SampleNoise {
 }
 
 impl SampleNoise {
-    /// Adds a sample: the light that it found, the albedo by which it will reflect what it does not know yet, and the variance by its light samples.
+    /// Adds a sample: the light that it found, the albedo by which it will reflect what it does not know yet, and the
+    /// variance by its light samples.
     pub(crate) fn add(&mut self, light: Vec3, diffuse: Vec3, variance: f32) {
         let value = DVec2::new(f64::from(light.element_sum()), f64::from(diffuse.element_sum())) / 3.0;
         self.count += 1;
@@ -99,7 +107,8 @@ pub(crate) struct FirstSamples {
 /// What decides how many samples each pixel of a picture takes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Allocation {
-    /// About the radiance of the indirect light, which samples do not know: by it edges count that are seen in no other.
+    /// About the radiance of the indirect light, which samples do not know: by it edges count that are seen in no
+    /// other.
     ambient: f64,
     floor_sq: f64,
     /// The binary logarithm of k, in units of the first samples.
@@ -108,7 +117,8 @@ pub(crate) struct Allocation {
 }
 
 impl Allocation {
-    /// Decides by the `first` samples of `pixels`, which come in blocks of so many rows of `width` pixels: a whole picture, or parts from all over it.
+    /// Decides by the `first` samples of `pixels`, which come in blocks of so many rows of `width` pixels: a whole
+    /// picture, or parts from all over it.
     pub(crate) fn new(
         (width, rows): (usize, usize),
         first: u32,
@@ -158,14 +168,16 @@ impl Allocation {
         Self { k: low, ..unsolved }
     }
 
-    /// Returns for each pixel of a band of `width` pixels, row by row, how many times its first samples it takes altogether.
+    /// Returns for each pixel of a band of `width` pixels, row by row, how many times its first samples it takes
+    /// altogether.
     pub(crate) fn factors(&self, width: usize, pixels: &[FirstSamples]) -> Vec<u32> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the number of doublings")]
         let factor = |pixel: usize| 1 << self.doublings(self.noise(pixel, width, pixels).1) as u32;
         (0..pixels.len()).into_par_iter().map(factor).collect()
     }
 
-    /// s^2 / D^2 of a pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise, inf for a lone pixel.
+    /// s^2 / D^2 of a pixel, and the binary logarithm of its number of samples for k = 1; -inf where there is no noise,
+    /// inf for a lone pixel.
     #[expect(clippy::cast_possible_truncation, reason = "estimates")]
     fn noise(&self, pixel: usize, width: usize, pixels: &[FirstSamples]) -> (f32, f32) {
         if pixels.len() == 1 {

@@ -1,15 +1,18 @@
 //! How noisy the caustics of a picture are, by which it gets as many photons as it needs.
 //!
-//! The noise of photons does not fall with the number of samples, for all ask the same photons. Where caustics are most of the light, as at the bottom of a pool, it
-//! is nearly all of the noise; where few are seen, more photons would be for nothing. So before the picture is made, some primary rays look how much of the light
-//! caustics are. A sum over discs of k photons each has a variance of at most 4 / (3 k) of its square where light is even (by Epanechnikov's kernel):
+//! The noise of photons does not fall with the number of samples, for all ask the same photons. Where caustics are most
+//! of the light, as at the bottom of a pool, it is nearly all of the noise; where few are seen, more photons would be
+//! for nothing. So before the picture is made, some primary rays look how much of the light caustics are. A sum over
+//! discs of k photons each has a variance of at most 4 / (3 k) of its square where light is even (by Epanechnikov's
+//! kernel):
 //!
 //! ```text
 //! noise <= 4 / (3 k)  mean over the picture of  c^2 / (R^2 + e)
 //! ```
-//! where R is the radiance as far as the light at secondary hits tells it, c the part by caustics, and e as in [`crate::metrics::rel_mse`]. The photons of a lamp without
-//! width are stratified, and may have a fiftieth of that. What they really have, as many others tell, which are to be shot anyway where it might be too much:
-//! half of the mean square of what two maps differ by.
+//! where R is the radiance as far as the light at secondary hits tells it, c the part by caustics, and e as in
+//! [`crate::metrics::rel_mse`]. The photons of a lamp without width are stratified, and may have a fiftieth of that.
+//! What they really have, as many others tell, which are to be shot anyway where it might be too much: half of the mean
+//! square of what two maps differ by.
 
 use glam::{UVec2, Vec3, Vec3A};
 use rayon::prelude::*;
@@ -89,7 +92,8 @@ impl CausticNeed {
 }
 
 impl View {
-    /// Follows a primary ray by mirrors and glass, one way at each, to the first other surface. Sees nothing if that is no number.
+    /// Follows a primary ray by mirrors and glass, one way at each, to the first other surface. Sees nothing if that is
+    /// no number.
     fn new(scene: &Scene, secondary: &impl Secondary, ray: Ray, sampler: &mut Sampler, rays: &mut RayCounts) -> Self {
         let (mut radiance, mut view) = (Vec3::ZERO, Self::default());
         let (mut ray, mut beta, mut radiance_scale) = (ray, Vec3::ONE, 1.0);
@@ -154,7 +158,8 @@ mod tests {
         }
     }
 
-    /// A floor, of which the camera sees the middle, and a mirror far above it that sends the light of a lamp back evenly.
+    /// A floor, of which the camera sees the middle, and a mirror far above it that sends the light of a lamp back
+    /// evenly.
     fn mirrored() -> Scene {
         let mesh = Mesh {
             positions: [square(2.0, 0.0), square(20.0, 10.0)].concat(),

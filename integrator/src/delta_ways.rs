@@ -26,8 +26,9 @@ impl Way {
     }
 }
 
-/// Returns the ways on from a surface that was reached with throughput `beta`, of which glass made `radiance_scale`: `both`, or one of them by its flux, for radiance
-/// alone grows on the way out of glass. Roulette keeps each with the probability that `survival` gives.
+/// Returns the ways on from a surface that was reached with throughput `beta`, of which glass made `radiance_scale`:
+/// `both`, or one of them by its flux, for radiance alone grows on the way out of glass. Roulette keeps each with the
+/// probability that `survival` gives.
 pub(crate) fn delta_ways(
     shading: &Shading,
     beta: Vec3,

@@ -1,7 +1,7 @@
 //! Why one pixel looks as it does: what became of each of its surface points while the whole picture was made.
 //!
-//! A [`Witness`] stands beside a normal rendering and writes down what is decided at the points of one pixel. Where nobody asks,
-//! there is none, and each point costs a comparison.
+//! A [`Witness`] stands beside a normal rendering and writes down what is decided at the points of one pixel. Where
+//! nobody asks, there is none, and each point costs a comparison.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -42,11 +42,13 @@ pub struct PointExplanation {
     pub behind_mirror: bool,
     /// Width of the pixel there, metres.
     pub footprint: f32,
-    /// The pixel's light for one unit of mean incident radiance: share of the pixel times what reflects there and on the way.
+    /// The pixel's light for one unit of mean incident radiance: share of the pixel times what reflects there and on
+    /// the way.
     pub diffuse_weight: Vec3,
     /// What was done, in order.
     pub steps: Vec<Step>,
-    /// Mean incident radiance over the cosine-weighted hemisphere from what stands at a distance: L_i, of the term `indirect`.
+    /// Mean incident radiance over the cosine-weighted hemisphere from what stands at a distance: L_i, of the term
+    /// `indirect`.
     pub near: Vec3,
     /// The same from the soft part of the sky, of the term `direct`.
     pub sky: Vec3,
@@ -93,7 +95,8 @@ pub enum Step {
         /// The record that was made of it, unless it would serve nobody.
         record: Option<RecordFacts>,
     },
-    /// Light changes within it more than records can tell, or none reaches its ends: rays were traced from several of its places.
+    /// Light changes within it more than records can tell, or none reaches its ends: rays were traced from several of
+    /// its places.
     Spread {
         /// As many.
         places: usize,
@@ -190,7 +193,8 @@ impl Witness {
         self.number.store(number, Ordering::Relaxed);
     }
 
-    /// Writes down a step, if the point is of the pixel. Steps of one point come in their order: no two threads have one point.
+    /// Writes down a step, if the point is of the pixel. Steps of one point come in their order: no two threads have
+    /// one point.
     #[inline]
     pub(crate) fn tell(&self, point: &SurfacePoint, step: impl FnOnce() -> Step) {
         if point.pixel == self.number.load(Ordering::Relaxed) {

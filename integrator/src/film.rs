@@ -1,7 +1,7 @@
 //! The film: the five terms of every pixel and what denoisers and compositors want beside them.
 //!
-//! Threads fill it by [`Band`]s of whole rows, each borrowed by one of them, so that no two ever write to the same place and the
-//! result does not depend on their number.
+//! Threads fill it by [`Band`]s of whole rows, each borrowed by one of them, so that no two ever write to the same
+//! place and the result does not depend on their number.
 
 use glam::{DVec3, UVec2, Vec3, Vec3A};
 use scene::{Bsdf, Specular};
@@ -10,8 +10,8 @@ use crate::rungs::Rungs;
 
 /// Radiance split by the way that the light came, W m^-2 sr^-1.
 ///
-/// From the light L to the eye E, with D for a diffuse or glossy vertex, S for a mirror or glass, x1 the surface that is seen and its
-/// f = f_d + f_s:
+/// From the light L to the eye E, with D for a diffuse or glossy vertex, S for a mirror or glass, x1 the surface that
+/// is seen and its f = f_d + f_s:
 ///
 /// ```text
 /// emitted   L E               light seen straight
@@ -53,7 +53,8 @@ impl Terms {
 /// What is known of the first surface that a primary ray meets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstHit {
-    /// Share of light that the surface reflects, in [0, 1]: diffuse albedo and the reflectance of gloss, 1 for mirrors and glass.
+    /// Share of light that the surface reflects, in [0, 1]: diffuse albedo and the reflectance of gloss, 1 for mirrors
+    /// and glass.
     pub albedo: Vec3,
     /// Shading normal, world space.
     pub normal: Vec3A,
@@ -61,7 +62,8 @@ pub struct FirstHit {
     pub depth: f32,
 }
 
-/// Returns the colour that a denoiser is given for a surface: diffuse albedo and the reflectance of gloss, 1 for mirrors and glass.
+/// Returns the colour that a denoiser is given for a surface: diffuse albedo and the reflectance of gloss, 1 for
+/// mirrors and glass.
 #[must_use]
 pub(crate) fn guide_albedo(bsdf: &Bsdf) -> Vec3 {
     match bsdf.specular {
@@ -145,7 +147,8 @@ pub struct Film {
     pub albedo: Vec<Vec3>,
     /// Mean normal over the pixel, world space, not made unit; 0 where there is no surface.
     pub normal: Vec<Vec3>,
-    /// Mean distance from the eye over the part of the pixel that shows a surface, metres; infinite where there is none.
+    /// Mean distance from the eye over the part of the pixel that shows a surface, metres; infinite where there is
+    /// none.
     pub depth: Vec<f32>,
     /// Share of the pixel that shows a surface, in [0, 1].
     pub alpha: Vec<f32>,
@@ -224,14 +227,15 @@ impl Film {
         }
     }
 
-    /// Returns the picture: in each pixel (((emitted + direct) + specular) + caustic) + indirect, in this order, so that the
-    /// terms sum to it bit for bit.
+    /// Returns the picture: in each pixel (((emitted + direct) + specular) + caustic) + indirect, in this order, so
+    /// that the terms sum to it bit for bit.
     #[must_use]
     pub fn picture(&self) -> Vec<Vec3> {
         (0..self.pixel_count()).map(|pixel| self.terms(pixel).sum()).collect()
     }
 
-    /// Mixes another film of the same size in, so that it is this `share` of the whole. Depths are mixed where both have one.
+    /// Mixes another film of the same size in, so that it is this `share` of the whole. Depths are mixed where both
+    /// have one.
     pub(crate) fn mix(&mut self, other: &Self, share: f32) {
         let planes = [
             (&mut self.emitted, &other.emitted),

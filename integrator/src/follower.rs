@@ -1,4 +1,5 @@
-//! The light that a surface sends back along a ray that met it, by a walk that ends where a secondary solution knows the light.
+//! The light that a surface sends back along a ray that met it, by a walk that ends where a secondary solution knows
+//! the light.
 
 use std::iter::zip;
 
@@ -15,8 +16,9 @@ use crate::walk::{Taken, Visitor, walk};
 pub(crate) struct Follower<'a, S> {
     pub(crate) scene: &'a Scene,
     pub(crate) secondary: &'a S,
-    /// Width in radians of the lobe that asks: where it is narrower than what the solution resolves, direct light is sampled even if the solution
-    /// knows it, so that shadows in reflections are sharp. Infinite for the rays of a hemisphere.
+    /// Width in radians of the lobe that asks: where it is narrower than what the solution resolves, direct light is
+    /// sampled even if the solution knows it, so that shadows in reflections are sharp. Infinite for the rays of a
+    /// hemisphere.
     pub(crate) spread: f32,
 }
 

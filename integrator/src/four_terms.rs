@@ -22,7 +22,8 @@ use crate::terms::indirect::{Counts, Incident, IndirectTerm};
 use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
 
-/// A band holds about so many pixels: enough for the lattice and for many cores, and a bound on the memory for surface points.
+/// A band holds about so many pixels: enough for the lattice and for many cores, and a bound on the memory for surface
+/// points.
 const BAND_PIXELS: u32 = 1 << 17;
 
 /// Renders with four terms, by the cache or by brute force. Returns the records too, where they are asked for.
@@ -120,8 +121,8 @@ pub(crate) fn render<S: Secondary>(
 /// Keeps the random numbers of gathers apart from those of primary rays.
 const GATHER_STREAM: u64 = 0x6761_7468_6572;
 
-/// What is decided for the whole picture, so that its bands are all as good: where all of the noise is in one of them, that alone would have to take as many more
-/// samples as there are bands.
+/// What is decided for the whole picture, so that its bands are all as good: where all of the noise is in one of them,
+/// that alone would have to take as many more samples as there are bands.
 struct Decisions {
     ambient: f32,
     allocation: Allocation,
@@ -174,8 +175,8 @@ fn first_samples(pixels: &[PixelPoints]) -> Vec<FirstSamples> {
     pixels.par_iter().map(|pixel| FirstSamples { noise: pixel.noise, rays: pixel.rays.total() }).collect()
 }
 
-/// Traces the primary rays of a band: the first samples of all pixels, then more where there is noise. The band decides for itself where that is, unless it was
-/// decided for the whole picture.
+/// Traces the primary rays of a band: the first samples of all pixels, then more where there is noise. The band decides
+/// for itself where that is, unless it was decided for the whole picture.
 fn trace_primary<S: Secondary>(
     primary: &Primary<'_, S>,
     band: &Band<'_>,
@@ -207,7 +208,8 @@ fn trace_primary<S: Secondary>(
     pixels
 }
 
-/// About the radiance of the indirect light on what is seen: the mean over some pixels, as far as the secondary solution knows it.
+/// About the radiance of the indirect light on what is seen: the mean over some pixels, as far as the secondary
+/// solution knows it.
 fn ambient<S: Secondary>(pixels: &[PixelPoints], secondary: &S) -> f32 {
     const STEP: usize = 61;
     let points = pixels.iter().step_by(STEP).flat_map(|pixel| &pixel.points);

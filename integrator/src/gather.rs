@@ -56,8 +56,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         samples
     }
 
-    /// The mean radiance over the cosine-weighted hemisphere, of what stands at a distance and of what is infinitely far, by `n x n` stratified rays: for a place of which
-    /// no record is made.
+    /// The mean radiance over the cosine-weighted hemisphere, of what stands at a distance and of what is infinitely
+    /// far, by `n x n` stratified rays: for a place of which no record is made.
     pub(crate) fn mean_radiance(&self, surface: &Surface, n: usize, key: u64, rays: &mut RayCounts) -> [Vec3; 2] {
         let frame = Frame::from_normal(surface.n);
         let mut jitter = Rng::new(self.seed, key);
@@ -73,8 +73,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         sum.map(|part| part / (n * n) as f32)
     }
 
-    /// Divides the texels where the sky ends, and those between bright and dark, and looks through each part: one ray a texel would measure the area of what
-    /// is bright there too roughly.
+    /// Divides the texels where the sky ends, and those between bright and dark, and looks through each part: one ray a
+    /// texel would measure the area of what is bright there too roughly.
     fn refine(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
         let n = samples.resolution();
         let divisions = divisions(samples, self.sky.is_some());
@@ -98,7 +98,8 @@ impl<S: Secondary> Gatherer<'_, S> {
                     // What the sky ends at is in front of it, and moves over it when the place does.
                     traced.distance < samples.distance[texel]
                 } else {
-                    // Each as often as its share of the light, so that there is no more light at a distance than was found there.
+                    // Each as often as its share of the light, so that there is no more light at a distance than was
+                    // found there.
                     !is_sky && sampler.next_1d() * parts[0].element_sum() < traced.radiance.element_sum()
                 };
                 if stands {
@@ -117,8 +118,8 @@ impl<S: Secondary> Gatherer<'_, S> {
         }
     }
 
-    /// What arrives at a surface along `wi`, and whether the texel that shows it is to be marked. Directions below the geometric surface, which a
-    /// shading normal may ask for, are black and infinitely far.
+    /// What arrives at a surface along `wi`, and whether the texel that shows it is to be marked. Directions below the
+    /// geometric surface, which a shading normal may ask for, are black and infinitely far.
     fn incident(&self, surface: &Surface, wi: Vec3A, sampler: &mut Sampler, rays: &mut RayCounts) -> (Traced, bool) {
         let nothing = Traced { normal: -wi, ..Traced::default() };
         if is_below(surface, wi) {
@@ -142,7 +143,8 @@ fn is_below(surface: &Surface, wi: Vec3A) -> bool {
     wi.dot(surface.ng) <= 0.0
 }
 
-/// Whether what leaves a surface depends so much on the direction that another point sees something else: a narrow lobe, a mirror or glass.
+/// Whether what leaves a surface depends so much on the direction that another point sees something else: a narrow
+/// lobe, a mirror or glass.
 fn has_highlight(bsdf: &Bsdf) -> bool {
     /// Wider lobes change less over the reach of a record than the texture blurs.
     const WIDE: f32 = 0.5;
@@ -152,7 +154,8 @@ fn has_highlight(bsdf: &Bsdf) -> bool {
 /// A highlight is so many times brighter than the mean.
 const BRIGHT: f32 = 3.0;
 
-/// Keeps the marks of view-dependent texels only where one of them shines: without a highlight, reflections change slowly.
+/// Keeps the marks of view-dependent texels only where one of them shines: without a highlight, reflections change
+/// slowly.
 ///
 /// All of them keep it then, the dark ones too, for a highlight moves from one to the other.
 fn settle_highlights(samples: &mut Samples) {
@@ -163,8 +166,9 @@ fn settle_highlights(samples: &mut Samples) {
     }
 }
 
-/// Returns into how many parts along a side each texel is divided: where the sky ends, if there is one, and where it gets brighter or darker from one of its
-/// neighbours to the one across, along as many of the four directions as there are within the square. By the other texels alone: if its own ray had a say, the mean would be biased.
+/// Returns into how many parts along a side each texel is divided: where the sky ends, if there is one, and where it
+/// gets brighter or darker from one of its neighbours to the one across, along as many of the four directions as there
+/// are within the square. By the other texels alone: if its own ray had a say, the mean would be biased.
 fn divisions(samples: &Samples, has_sky: bool) -> Vec<u32> {
     let n = samples.resolution();
     let radiance: Vec<f32> = samples.radiance.iter().map(|radiance| radiance.element_sum()).collect();
@@ -233,7 +237,8 @@ impl<S: Secondary> Tracer for PointTracer<'_, S> {
 /// Parts along a side of a texel at the rim of the sky, and of one between bright and dark.
 const RIM_SIDE: u32 = 3;
 const EDGE_SIDE: u32 = 2;
-/// There the texels across differ by more than so many times the mean of the texture, in the root mean square of the directions.
+/// There the texels across differ by more than so many times the mean of the texture, in the root mean square of the
+/// directions.
 const CONTRAST: f32 = 2.0;
 /// Keeps the random numbers of further rays apart from those of records.
 const FURTHER_STREAM: u64 = 0x0072_696d;
@@ -326,7 +331,8 @@ mod tests {
             assert_eq!(sides[beside], EDGE_SIDE, "texel {beside}");
         }
         assert_eq!(sides.iter().filter(|side| **side > 1).count(), 8);
-        // However bright a texel is, that does not change whether it is divided: neither one that is by a little nor one that is not.
+        // However bright a texel is, that does not change whether it is divided: neither one that is by a little nor
+        // one that is not.
         samples.radiance[bright] = Vec3::splat(8.0);
         let sides = divisions(&samples, false);
         for texel in [bright + 1, bright + 2] {

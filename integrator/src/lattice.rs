@@ -29,7 +29,8 @@ impl Lattice {
         Self { width, height, points, starts }
     }
 
-    /// Whether a point of the lattice of this stride lies in the middle of a cell of the coarser one, and not on a side of it.
+    /// Whether a point of the lattice of this stride lies in the middle of a cell of the coarser one, and not on a side
+    /// of it.
     pub(crate) fn is_middle(&self, number: usize, stride: usize) -> bool {
         let pixel = self.points[number].pixel as usize;
         let is_coarse = |x: usize, len: usize| on_lattice(x, 2 * stride, len);

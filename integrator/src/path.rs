@@ -1,19 +1,20 @@
-//! The reference: a path tracer that shares nothing with the cache but the scene, and splits its estimate into the same five terms.
+//! The reference: a path tracer that shares nothing with the cache but the scene, and splits its estimate into the same
+//! five terms.
 //!
-//! At every vertex light is sampled, and a direction by the material; both meet by multiple importance sampling with the power
-//! heuristic. The length of a path is unlimited: from the fourth bounce on it survives Russian roulette with a probability that
-//! follows the root of its throughput. There is no clamping, so each term of each pixel is unbiased.
+//! At every vertex light is sampled, and a direction by the material; both meet by multiple importance sampling with
+//! the power heuristic. The length of a path is unlimited: from the fourth bounce on it survives Russian roulette with
+//! a probability that follows the root of its throughput. There is no clamping, so each term of each pixel is unbiased.
 //!
-//! The two parts of the first surface's f = f_d + f_s keep a throughput of their own along the path, and the path remembers
-//! whether it met only mirrors and glass since: so every sample is split exactly as [`Terms`] defines it.
+//! The two parts of the first surface's f = f_d + f_s keep a throughput of their own along the path, and the path
+//! remembers whether it met only mirrors and glass since: so every sample is split exactly as [`Terms`] defines it.
 //!
-//! What it cannot see: a point or directional light through mirrors or glass, for no path finds it by chance. Such light
-//! is in the caustic photon map alone.
+//! What it cannot see: a point or directional light through mirrors or glass, for no path finds it by chance. Such
+//! light is in the caustic photon map alone.
 //!
 //! # Source
 //!
-//! James Kajiya, *The Rendering Equation*, 1986. Eric Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, 9.2 (power
-//! heuristic) and 10.2.
+//! James Kajiya, *The Rendering Equation*, 1986. Eric Veach, *Robust Monte Carlo Methods for Light Transport
+//! Simulation*, 1997, 9.2 (power heuristic) and 10.2.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -29,7 +30,8 @@ use crate::{Progress, RayCounts, Sampler, Settings, Statistics};
 const ROULETTE_START: u32 = 4;
 /// A path survives with at most this probability, so that it ends even where nothing absorbs.
 const MAX_SURVIVAL: f32 = 0.99;
-/// No path has more vertices. With a survival of 0.99 one in 10^43 would; the limit is there for scenes that break every rule.
+/// No path has more vertices. With a survival of 0.99 one in 10^43 would; the limit is there for scenes that break
+/// every rule.
 pub const MAX_PATH_VERTICES: u32 = 10_000;
 
 /// One sample of the light that comes along a ray.
@@ -78,7 +80,8 @@ impl Flight {
     }
 }
 
-/// What radiance at the path's end counts in the pixel, by the lobe of the first surface; before that all is `specular`.
+/// What radiance at the path's end counts in the pixel, by the lobe of the first surface; before that all is
+/// `specular`.
 #[derive(Debug, Clone, Copy)]
 struct Throughput {
     diffuse: Vec3,
@@ -161,8 +164,9 @@ impl<'a> PathTracer<'a> {
             let wo = frame.to_local(-ray.direction);
             sampler.start_bounce(vertex);
 
-            // The choice of a light and the point on it come from one block, and so do that of a lobe and its direction: samples are stratified on each light and
-            // in each lobe. Every bounce takes the same blocks, so that they keep their meaning over the samples.
+            // The choice of a light and the point on it come from one block, and so do that of a lobe and its
+            // direction: samples are stratified on each light and in each lobe. Every bounce takes the same blocks, so
+            // that they keep their meaning over the samples.
             let u_light = sampler.next_4d_for(self.has_light_choice);
             let [u_lobe, u, v, _] = sampler.next_4d_for(bsdf.has_choice());
             let u_roulette = if vertex >= ROULETTE_START { sampler.next_pair().x } else { 0.0 };
@@ -182,7 +186,8 @@ impl<'a> PathTracer<'a> {
             radiance_scale *= next.radiance_scale;
 
             if vertex >= ROULETTE_START {
-                // The root lets twice as many paths live as the throughput itself would: a tenth less error for the same time.
+                // The root lets twice as many paths live as the throughput itself would: a tenth less error for the
+                // same time.
                 let survival = (throughput.sum().max_element() / radiance_scale).sqrt().min(MAX_SURVIVAL);
                 if u_roulette >= survival {
                     return;
@@ -200,8 +205,8 @@ impl<'a> PathTracer<'a> {
 }
 
 impl PathTracer<'_> {
-    /// Returns the light that one chosen direction to a light sends by way of `surface` to the viewer, weighted against the chance that
-    /// the material's own choice finds that light.
+    /// Returns the light that one chosen direction to a light sends by way of `surface` to the viewer, weighted against
+    /// the chance that the material's own choice finds that light.
     fn sample_light(
         &mut self,
         surface: &Surface,
@@ -258,27 +263,28 @@ fn add(terms: &mut Terms, flight: Flight, throughput: Throughput, radiance: Vec3
     }
 }
 
-/// Whether `wi` leaves on the side of the true surface on which the material thinks it does. With interpolated normals it
-/// may not; then the surface is black, or light would leak through it.
+/// Whether `wi` leaves on the side of the true surface on which the material thinks it does. With interpolated normals
+/// it may not; then the surface is black, or light would leak through it.
 fn is_on_side(surface: &Surface, wi: Vec3A, transmitted: bool) -> bool {
     let cosine = surface.ng.dot(wi);
     if transmitted { cosine < 0.0 } else { cosine > 0.0 }
 }
 
-/// Returns the weight of a light that the material's choice of density `pdf` met, against `light_pdf` of light sampling. A mirror's
-/// choice (`pdf` 0) has no rival.
+/// Returns the weight of a light that the material's choice of density `pdf` met, against `light_pdf` of light
+/// sampling. A mirror's choice (`pdf` 0) has no rival.
 fn material_weight(pdf: f32, light_pdf: impl FnOnce() -> f32) -> f32 {
     if pdf > 0.0 { power_heuristic(pdf, light_pdf()) } else { 1.0 }
 }
 
-/// Returns the weight of the choice of density `a` against that of density `b`: a^2 / (a^2 + b^2), written so that nothing overflows.
+/// Returns the weight of the choice of density `a` against that of density `b`: a^2 / (a^2 + b^2), written so that
+/// nothing overflows.
 fn power_heuristic(a: f32, b: f32) -> f32 {
     let ratio = b / a;
     1.0 / (1.0 + ratio * ratio)
 }
 
-/// Makes a picture by the reference path tracer: exactly [`Settings::path_spp`] samples a pixel, uniform over it (a box filter of one
-/// pixel). The settings must be valid.
+/// Makes a picture by the reference path tracer: exactly [`Settings::path_spp`] samples a pixel, uniform over it (a box
+/// filter of one pixel). The settings must be valid.
 pub(crate) fn render(
     scene: &Scene,
     settings: &Settings,

@@ -25,11 +25,11 @@ pub struct Rendering {
     pub records: Vec<RecordPoint>,
 }
 
-/// Makes a picture of `scene` on all threads of the current rayon pool. The result depends on the scene and the settings alone, never on
-/// the number of threads.
+/// Makes a picture of `scene` on all threads of the current rayon pool. The result depends on the scene and the
+/// settings alone, never on the number of threads.
 ///
-/// `progress` is called at the start and the end of phases and with each band of the picture, by the path tracer with each row, from any thread; calls may overtake
-/// each other by a step.
+/// `progress` is called at the start and the end of phases and with each band of the picture, by the path tracer with
+/// each row, from any thread; calls may overtake each other by a step.
 ///
 /// # Errors
 ///
@@ -71,9 +71,9 @@ pub(crate) fn render_watched(
     })
 }
 
-/// As [`render`] by any other method than [`Method::Path`], with the caller's own solution for the light at the surfaces that gather rays meet, such as
-/// a radiosity solution; it must hold all light there but what it leaves to light sampling (see [`Secondary`]). [`Method::Path`] takes
-/// none and ignores it.
+/// As [`render`] by any other method than [`Method::Path`], with the caller's own solution for the light at the
+/// surfaces that gather rays meet, such as a radiosity solution; it must hold all light there but what it leaves to
+/// light sampling (see [`Secondary`]). [`Method::Path`] takes none and ignores it.
 ///
 /// # Examples
 ///

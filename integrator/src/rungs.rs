@@ -3,8 +3,9 @@
 use reproject::{Parts, Shares};
 
 /// How the surfaces of a pixel got their indirect light. Each number is a share of the pixel's samples: together
-/// [`interpolated`](Self::interpolated), [`reprojected`](Self::reprojected) and [`gathered`](Self::gathered) are 1 where each sample ends at one surface that asks for
-/// such light, 0 where none does, as at lamps and the sky, and more where glass splits them.
+/// [`interpolated`](Self::interpolated), [`reprojected`](Self::reprojected) and [`gathered`](Self::gathered) are 1
+/// where each sample ends at one surface that asks for such light, 0 where none does, as at lamps and the sky, and more
+/// where glass splits them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rungs {
     /// Took their light from records of irradiance around them.
@@ -17,8 +18,8 @@ pub struct Rungs {
     pub filled: f32,
     /// The part of [`Self::reprojected`] that is the share of the hemispheres of which the records could know nothing.
     pub unknown: f32,
-    /// The part of [`Self::filled`] that records saw in the same direction by the same element; this and the next two are what the paper tells apart, see
-    /// [`reproject::Parts`]. What opened is the rest of [`Self::reprojected`].
+    /// The part of [`Self::filled`] that records saw in the same direction by the same element; this and the next two
+    /// are what the paper tells apart, see [`reproject::Parts`]. What opened is the rest of [`Self::reprojected`].
     pub unchanged: f32,
     /// The part that came from another direction before what records saw here.
     pub moved: f32,
@@ -73,8 +74,8 @@ pub(crate) enum Rung {
     #[default]
     Unasked,
     Interpolated,
-    /// From a record that filled such a share of the hemisphere, could know nothing of such a share, and of what it filled had such parts unchanged, moved and bared:
-    /// in steps of 1/255.
+    /// From a record that filled such a share of the hemisphere, could know nothing of such a share, and of what it
+    /// filled had such parts unchanged, moved and bared: in steps of 1/255.
     Reprojected([u8; 5]),
     Gathered,
 }

@@ -1,13 +1,14 @@
-//! Uniform numbers: an Owen-scrambled Sobol sequence for a pixel's samples, and a small generator where no structure is wanted.
+//! Uniform numbers: an Owen-scrambled Sobol sequence for a pixel's samples, and a small generator where no structure is
+//! wanted.
 //!
-//! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first two or four Sobol dimensions,
-//! every block shuffled and scrambled by a seed of its own ("padding", Burley 2020): within a block the samples of a
-//! pixel are stratified, between blocks they are independent.
+//! A path uses an unbounded number of dimensions. Each bounce therefore draws blocks of the first two or four Sobol
+//! dimensions, every block shuffled and scrambled by a seed of its own ("padding", Burley 2020): within a block the
+//! samples of a pixel are stratified, between blocks they are independent.
 //!
 //! # Source
 //!
-//! Brent Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020. Melissa O'Neill, *PCG: A Family of Simple Fast
-//! Space-Efficient Statistically Good Algorithms for Random Number Generation*, 2014.
+//! Brent Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020. Melissa O'Neill, *PCG: A Family of Simple
+//! Fast Space-Efficient Statistically Good Algorithms for Random Number Generation*, 2014.
 
 use glam::{UVec2, Vec2};
 use sobol_burley::parts::owen_scramble_rev;
@@ -60,21 +61,24 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Starts the numbers of sample number `sample` of `pixel`, at bounce 0. A pixel may be any thing that has samples, such as the index
-    /// of a record; another `seed` gives independent numbers. There is no limit to the number of samples.
+    /// Starts the numbers of sample number `sample` of `pixel`, at bounce 0. A pixel may be any thing that has samples,
+    /// such as the index of a record; another `seed` gives independent numbers. There is no limit to the number of
+    /// samples.
     #[must_use]
     pub const fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let key = hash_pair(hash_pair(seed, pixel), (sample / SEQUENCE_LENGTH) as u64);
         Self::with_key(key, sample % SEQUENCE_LENGTH)
     }
 
-    /// Starts the numbers of the only sample of `pixel`: unrelated ones, for they are cheaper and there is nothing to stratify.
+    /// Starts the numbers of the only sample of `pixel`: unrelated ones, for they are cheaper and there is nothing to
+    /// stratify.
     #[must_use]
     pub const fn alone(seed: u64, pixel: u64) -> Self {
         Self { is_alone: true, ..Self::new(seed, pixel, 0) }
     }
 
-    /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have used.
+    /// Jumps to the numbers of a bounce, so that they are the same dimensions however many the bounces before have
+    /// used.
     pub const fn start_bounce(&mut self, bounce: u32) {
         self.bounce_hash = hash(if bounce == 0 { self.key } else { hash_pair(self.key, bounce as u64) });
         self.block = 0;
@@ -89,7 +93,8 @@ impl Sampler {
         Self { is_alone: self.is_alone, ..Self::with_key(key, self.index) }
     }
 
-    /// Starts numbers of their own for `count` paths that branch off here, stratified over all of them and all samples of the pixel.
+    /// Starts numbers of their own for `count` paths that branch off here, stratified over all of them and all samples
+    /// of the pixel.
     pub fn split_into(&mut self, count: u32) -> impl Iterator<Item = Self> + use<> {
         let parent = self.split();
         self.block += 1;
@@ -115,7 +120,8 @@ impl Sampler {
         sobol_burley::sample_4d(self.index, 0, seed)
     }
 
-    /// Returns a pair between two numbers of which a choice is made: these are 1/2 where there is no `choice`, and the pair costs less then.
+    /// Returns a pair between two numbers of which a choice is made: these are 1/2 where there is no `choice`, and the
+    /// pair costs less then.
     pub(crate) fn next_4d_for(&mut self, choice: bool) -> [f32; 4] {
         if choice {
             return self.next_4d();
@@ -124,8 +130,8 @@ impl Sampler {
         [0.5, pair.x, pair.y, 0.5]
     }
 
-    /// Returns a pair of its own, stratified as well as two numbers can be: of 2^k samples from a multiple of 2^k on, each elementary interval of the
-    /// square holds its share (a (0, 2)-sequence). Costs half of [`Sampler::next_4d`].
+    /// Returns a pair of its own, stratified as well as two numbers can be: of 2^k samples from a multiple of 2^k on,
+    /// each elementary interval of the square holds its share (a (0, 2)-sequence). Costs half of [`Sampler::next_4d`].
     pub fn next_pair(&mut self) -> Vec2 {
         if self.is_alone {
             let [x, y, ..] = self.next_4d();
@@ -134,8 +140,8 @@ impl Sampler {
         let seed = self.next_block();
         let index = owen_scramble_rev(self.reversed_index, upper(seed)).reverse_bits();
         let more = hash(seed);
-        // The first dimension of Sobol's sequence reverses the digits of the index, the second one sums them by Pascal's triangle first. Both are reversed as
-        // one number of 64 bits, which puts the second one above.
+        // The first dimension of Sobol's sequence reverses the digits of the index, the second one sums them by
+        // Pascal's triangle first. Both are reversed as one number of 64 bits, which puts the second one above.
         let x = owen_scramble_rev(index, upper(more));
         let y = owen_scramble_rev(pascal(index), upper(more << 32));
         let both = (u64::from(x) << 32 | u64::from(y)).reverse_bits();
@@ -174,13 +180,15 @@ impl Sampler {
     }
 }
 
-/// Returns the place of `u` in cell `number`, row by row, of the `side` x `side` ones that the unit square is cut into, in [0, 1)^2 as `u` is.
+/// Returns the place of `u` in cell `number`, row by row, of the `side` x `side` ones that the unit square is cut into,
+/// in [0, 1)^2 as `u` is.
 pub(crate) fn in_cell(number: u32, side: u32, u: Vec2) -> Vec2 {
     const BELOW_ONE: Vec2 = Vec2::splat(1.0 - 0.5 * f32::EPSILON);
     ((UVec2::new(number % side, number / side).as_vec2() + u) / side as f32).min(BELOW_ONE)
 }
 
-/// Returns the number whose bit i is the sum, modulo 2, of the bits j with C(j, i) odd: by Lucas those j that have all bits of i.
+/// Returns the number whose bit i is the sum, modulo 2, of the bits j with C(j, i) odd: by Lucas those j that have all
+/// bits of i.
 const fn pascal(x: u32) -> u32 {
     let x = x ^ ((x >> 1) & 0x5555_5555);
     let x = x ^ ((x >> 2) & 0x3333_3333);
@@ -239,7 +247,8 @@ mod tests {
 
     #[test]
     fn sixteen_samples_fall_in_sixteen_strata() {
-        // Base-2 nets: any 16 consecutive points from a multiple of 16 have one point in each of 16 rows, columns and 4 x 4 cells.
+        // Base-2 nets: any 16 consecutive points from a multiple of 16 have one point in each of 16 rows, columns and 4
+        // x 4 cells.
         for pixel in 0..50 {
             for bounce in [0, 1, 9] {
                 let mut cells = [0u32; 3];

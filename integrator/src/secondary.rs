@@ -1,4 +1,5 @@
-//! The light at a surface: what a photon map or any other solution knows of it, and what comes straight from lights, by light samples.
+//! The light at a surface: what a photon map or any other solution knows of it, and what comes straight from lights, by
+//! light samples.
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
@@ -28,14 +29,15 @@ pub trait Secondary: Sync {
     /// Irradiance that came by mirrors or glass alone: the caustics. Zero in a scene without them.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
 
-    /// One of two parts of [`Self::caustic_irradiance`], which is this over [`Self::caustic_coverage`]: what can be asked for many places of a pixel. Its
-    /// radius is about the least length, metres, over which caustics change on any place of the surface that is at most `reach` away; 0 where that is not known.
+    /// One of two parts of [`Self::caustic_irradiance`], which is this over [`Self::caustic_coverage`]: what can be
+    /// asked for many places of a pixel. Its radius is about the least length, metres, over which caustics change on
+    /// any place of the surface that is at most `reach` away; 0 where that is not known.
     fn covered_caustic_irradiance(&self, surface: &Surface, _reach: f32) -> Irradiance {
         Irradiance { irradiance: self.caustic_irradiance(surface), radius: 0.0 }
     }
 
-    /// The other part, which takes longer and changes little from one place to the next: the share of the surroundings over which caustics were blurred that is
-    /// surface, in (0, 1].
+    /// The other part, which takes longer and changes little from one place to the next: the share of the surroundings
+    /// over which caustics were blurred that is surface, in (0, 1].
     fn caustic_coverage(&self, _: &Surface) -> f32 {
         1.0
     }
@@ -76,7 +78,8 @@ impl Shading {
         Self { frame, bsdf: scene.bsdf(&surface), wo: frame.to_local(-direction), surface }
     }
 
-    /// Whether a world direction really leaves on the side to which the local one points: a shading normal may say otherwise.
+    /// Whether a world direction really leaves on the side to which the local one points: a shading normal may say
+    /// otherwise.
     pub(crate) fn leaves(&self, wi: Vec3A, wi_local: Vec3A) -> bool {
         wi.dot(self.surface.ng) * wi_local.z > 0.0
     }
@@ -94,8 +97,9 @@ impl Shading {
     }
 }
 
-/// Returns from how many directions to lights [`direct_light`] should choose for a surface behind the first: several where a lamp may lie in a lobe so
-/// narrow that one says little of it, and so wide that the lobe's own samples say little either.
+/// Returns from how many directions to lights [`direct_light`] should choose for a surface behind the first: several
+/// where a lamp may lie in a lobe so narrow that one says little of it, and so wide that the lobe's own samples say
+/// little either.
 pub(crate) fn light_candidates(scene: &Scene, shading: &Shading) -> u32 {
     /// For a surface that reflects by this lobe alone.
     const CANDIDATES: f32 = 8.0;
@@ -132,16 +136,18 @@ pub(crate) struct LightWays<'a> {
     pub(crate) sky: Option<&'a SkySplit>,
 }
 
-/// The lights to sample for a surface. Where the glossy part is wanted too, their density must be that of the other technique's weight.
+/// The lights to sample for a surface. Where the glossy part is wanted too, their density must be that of the other
+/// technique's weight.
 pub(crate) fn lights_of<'a>(scene: &'a Scene, shading: &Shading, sky: Option<&'a SkySplit>) -> &'a Lights {
     sky.filter(|_| !shading.bsdf.has_glossy()).map_or(scene.lights(), SkySplit::lights)
 }
 
-/// Light that arrives straight from the sources and is reflected to the viewer: by the diffuse part, and by the glossy part under
-/// the power heuristic with sampling of that lobe.
+/// Light that arrives straight from the sources and is reflected to the viewer: by the diffuse part, and by the glossy
+/// part under the power heuristic with sampling of that lobe.
 ///
-/// Of several directions to lights one is traced, chosen by what it would bring. All of them count against the samples of the lobe, whose weight must be
-/// taken against their number times the density of the lights. The four numbers `u` choose the light, the direction, and which of them is traced.
+/// Of several directions to lights one is traced, chosen by what it would bring. All of them count against the samples
+/// of the lobe, whose weight must be taken against their number times the density of the lights. The four numbers `u`
+/// choose the light, the direction, and which of them is traced.
 ///
 /// # Source
 /// Talbot, Cline, Egbert 2005: Importance Resampling for Global Illumination.
@@ -255,8 +261,8 @@ impl<'a> DirectLight<'a> {
     }
 }
 
-/// Direct light of sources that light sampling does not know, which are free forms without bounds, reflected by the diffuse part: by one
-/// cosine-distributed ray.
+/// Direct light of sources that light sampling does not know, which are free forms without bounds, reflected by the
+/// diffuse part: by one cosine-distributed ray.
 pub(crate) fn unsampled_emission(scene: &Scene, shading: &Shading, u: Vec2, rays: &mut RayCounts) -> Vec3 {
     let Some(ray) = shading.cosine_ray(u) else { return Vec3::ZERO };
     rays.path += 1;
@@ -294,8 +300,8 @@ pub(crate) fn unshadowed(
     value
 }
 
-/// Power heuristic for a sample of density `taken` that the other technique would take with density `other` (Veach 1997); 1 for
-/// a delta direction, whose density is given as 0, and which no other technique can take.
+/// Power heuristic for a sample of density `taken` that the other technique would take with density `other` (Veach
+/// 1997); 1 for a delta direction, whose density is given as 0, and which no other technique can take.
 pub(crate) fn mis_weight(taken: f32, other: f32) -> f32 {
     if taken == 0.0 || other == 0.0 {
         return 1.0;
@@ -329,7 +335,8 @@ pub(crate) mod tests {
         Scene::new(Description { meshes: vec![mesh], materials: vec![metal, lamp], ..Description::default() }).unwrap()
     }
 
-    /// Mean and variance of the light that the floor reflects to an eye, by directions to lights and by the lobe together.
+    /// Mean and variance of the light that the floor reflects to an eye, by directions to lights and by the lobe
+    /// together.
     fn reflected(scene: &Scene, shading: &Shading, count: u32) -> (f64, f64) {
         const SAMPLES: u32 = 40_000;
         let mut rng = Rng::new(1, u64::from(count));

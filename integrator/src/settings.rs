@@ -27,7 +27,8 @@ pub enum Method {
     Reproject,
     /// Four terms; the indirect light is gathered at every point, without a cache.
     Gather,
-    /// Four terms; the irradiance on diffuse surfaces is gathered at few points and interpolated, with gradients, between them.
+    /// Four terms; the irradiance on diffuse surfaces is gathered at few points and interpolated, with gradients,
+    /// between them.
     #[serde(rename = "cache-only")]
     CacheOnly,
     /// The reference path tracer.
@@ -66,19 +67,21 @@ pub enum SecondaryKind {
 pub struct Settings {
     /// How the picture is made.
     pub method: Method,
-    /// One number for speed against accuracy, in [0.001, 1000]: four times the quality takes about three times the time,
-    /// below 1 twice; by [`Method::Path`] four times.
+    /// One number for speed against accuracy, in [0.001, 1000]: four times the quality takes about three times the
+    /// time, below 1 twice; by [`Method::Path`] four times.
     pub quality: f32,
-    /// Primary samples a pixel, in [1, 2^20]: exactly so many by [`Method::Path`], in the mean by the others, which take more where there is noise. Where it
-    /// is `None`, `quality` decides.
+    /// Primary samples a pixel, in [1, 2^20]: exactly so many by [`Method::Path`], in the mean by the others, which
+    /// take more where there is noise. Where it is `None`, `quality` decides.
     pub spp: Option<u32>,
     /// Width and height, pixels: each in [1, 16384], together at most 2^28.
     pub size: UVec2,
     /// Single settings that overrule the quality.
     pub study: Study,
-    /// Whether the film tells how each pixel got its indirect light, see [`Film::rungs`](crate::Film::rungs). The picture is the same.
+    /// Whether the film tells how each pixel got its indirect light, see [`Film::rungs`](crate::Film::rungs). The
+    /// picture is the same.
     pub rungs: bool,
-    /// Whether the rendering tells where the records are, see [`Rendering::records`](crate::Rendering::records). The picture is the same.
+    /// Whether the rendering tells where the records are, see [`Rendering::records`](crate::Rendering::records). The
+    /// picture is the same.
     pub records: bool,
     /// Any number; another seed gives a statistically independent picture.
     pub seed: u64,

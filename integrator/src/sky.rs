@@ -1,13 +1,14 @@
 //! Which part of the surroundings comes from textures, and which from light sampling.
 //!
-//! Every record sees the sky through the texels that escape, so what is about evenly bright needs no light sampling at all. A sun
-//! would be met by few texels or none. The surroundings are therefore cut at a radiance T:
+//! Every record sees the sky through the texels that escape, so what is about evenly bright needs no light sampling at
+//! all. A sun would be met by few texels or none. The surroundings are therefore cut at a radiance T:
 //!
 //! ```text
 //! L = L_soft + L_hard,   L_soft = L min(1, T / luminance(L))
 //! ```
 //!
-//! The soft part is taken from textures, the hard one by light sampling; their sum is the light, so nothing is lost or doubled.
+//! The soft part is taken from textures, the hard one by light sampling; their sum is the light, so nothing is lost or
+//! doubled.
 
 use glam::{Vec2, Vec3, Vec3A};
 use scene::{Lights, Scene};
@@ -24,8 +25,8 @@ pub(crate) struct SkySplit {
 impl SkySplit {
     /// The cut for the surroundings of a scene; `None` where they are black.
     ///
-    /// T is four times the power mean of exponent 1/2 of the luminance over the sphere: peaks hardly raise it, and black parts do
-    /// not bring it to zero as they would a median.
+    /// T is four times the power mean of exponent 1/2 of the luminance over the sphere: peaks hardly raise it, and
+    /// black parts do not bring it to zero as they would a median.
     pub(crate) fn new(scene: &Scene) -> Option<Self> {
         const SIDE: usize = 64;
         const FACTOR: f64 = 4.0;

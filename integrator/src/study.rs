@@ -28,13 +28,15 @@ pub struct Study {
     pub even_sides: Option<bool>,
     /// Whether an s-element lies in one depth layer, as in the paper, or is as deep as its parallax allows.
     pub by_layer: Option<bool>,
-    /// Texels along a side of the block that a hole ray stands for at most, 1 to 64: points with few holes take smaller ones.
+    /// Texels along a side of the block that a hole ray stands for at most, 1 to 64: points with few holes take smaller
+    /// ones.
     pub step: Option<u32>,
     /// Verification rays along a side, 0 to 8; 0 verifies nothing.
     pub verify: Option<u32>,
     /// Light samples a primary sample, 1 to 1024.
     pub light_samples: Option<u32>,
-    /// Whether half of the light samples of surfaces without gloss go to lights that were found to reach them beforehand.
+    /// Whether half of the light samples of surfaces without gloss go to lights that were found to reach them
+    /// beforehand.
     pub light_guide: Option<bool>,
     /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
     pub lobe_rays: Option<u32>,
@@ -42,8 +44,8 @@ pub struct Study {
     pub lobe_guide: Option<bool>,
     /// Whether neighbours share what the rays of their lobes find.
     pub lobe_reuse: Option<bool>,
-    /// Roughness (alpha of GGX) from which on a glossy lobe without a diffuse part reads a texture instead of being traced, 0 to 2; never where a
-    /// texture is too coarse.
+    /// Roughness (alpha of GGX) from which on a glossy lobe without a diffuse part reads a texture instead of being
+    /// traced, 0 to 2; never where a texture is too coarse.
     pub texture_alpha: Option<f32>,
     /// Photons to shoot into each map that the scene needs, 1 to 10^8.
     pub photons: Option<u32>,
@@ -53,7 +55,8 @@ pub struct Study {
     pub trails: Option<Trails>,
     /// Whether shares are counted in bits or measured as areas.
     pub count_bits: Option<bool>,
-    /// Whether records of irradiance reach a share of the harmonic mean distance (Ward 1988), or as far as the Hessian says.
+    /// Whether records of irradiance reach a share of the harmonic mean distance (Ward 1988), or as far as the Hessian
+    /// says.
     pub by_distance: Option<bool>,
     /// Whether records of irradiance know its gradients.
     pub gradients: Option<bool>,

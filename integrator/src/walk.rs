@@ -1,5 +1,6 @@
-//! The walk of light behind a gather ray: through mirrors, glass and gloss, and from diffuse surfaces of which nothing is known, until
-//! roulette ends it. One loop for all who ask, and none that branches, so that no scene can outgrow the stack of a thread.
+//! The walk of light behind a gather ray: through mirrors, glass and gloss, and from diffuse surfaces of which nothing
+//! is known, until roulette ends it. One loop for all who ask, and none that branches, so that no scene can outgrow the
+//! stack of a thread.
 
 use glam::{Vec2, Vec3, Vec3A};
 use scene::{Lobes, Scene, Specular, Surface};
@@ -8,8 +9,8 @@ use crate::sampler::Sampler;
 use crate::secondary::{DirectLight, LightWays, Shading, light_candidates, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
-/// From this bounce on, walks are ended by roulette, and from the other on even if nothing is absorbed, as inside of glass: each time that such a walk is kept
-/// it counts more, so those that come out late are bright dots.
+/// From this bounce on, walks are ended by roulette, and from the other on even if nothing is absorbed, as inside of
+/// glass: each time that such a walk is kept it counts more, so those that come out late are bright dots.
 const ROULETTE_START: u32 = 3;
 const LONG_WALK: u32 = 48;
 
@@ -29,12 +30,13 @@ pub(crate) enum Taken {
 
 /// Who asks for the light at the end of a walk.
 pub(crate) trait Visitor {
-    /// Comes to a surface with a diffuse part, with throughput `beta`, and takes what is known of its light. `near` is the length of the way
-    /// in metres, for what is known may be too coarse for a short one; infinite behind gloss and diffuse surfaces, where nothing is.
+    /// Comes to a surface with a diffuse part, with throughput `beta`, and takes what is known of its light. `near` is
+    /// the length of the way in metres, for what is known may be too coarse for a short one; infinite behind gloss and
+    /// diffuse surfaces, where nothing is.
     fn visit(&mut self, shading: &Shading, beta: Vec3, near: f32) -> Taken;
 
-    /// Says that what is added from now on came to the first surface along this local direction and was reflected there by these lobes, or `None` that it
-    /// is sent everywhere alike.
+    /// Says that what is added from now on came to the first surface along this local direction and was reflected there
+    /// by these lobes, or `None` that it is sent everywhere alike.
     fn turn(&mut self, _way: Option<(Lobes, Vec3A)>) {}
 
     /// Adds radiance that reaches the start of the walk.
@@ -55,7 +57,8 @@ pub(crate) fn walk(
 ) {
     let mut beta = scene.transmittance(&shading.surface);
     let mut near = shading.surface.t;
-    // Where the last glossy bounce was, and its density for each direction to lights there: what it meets counts beside what these found.
+    // Where the last glossy bounce was, and its density for each direction to lights there: what it meets counts beside
+    // what these found.
     let mut glossy: Option<(Vec3A, f32)> = None;
     for bounce in 1..MAX_BOUNCES {
         let Shading { bsdf, .. } = shading;

@@ -19,7 +19,8 @@ fn room() -> Scene {
 }
 
 fn settings(method: Method) -> Settings {
-    // Few photons in the place of cells, as a picture is made for each of its pixels; and records that reach over several of these.
+    // Few photons in the place of cells, as a picture is made for each of its pixels; and records that reach over
+    // several of these.
     let secondary = Some(SecondaryKind::Photons);
     let study = Study { secondary, photons: Some(2000), spacing: Some(0.8), ..Study::default() };
     Settings { method, quality: 0.05, size: UVec2::new(10, 7), study, ..Settings::default() }

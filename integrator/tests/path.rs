@@ -93,7 +93,8 @@ fn plane_under_sun_and_sky() {
 
 #[test]
 fn mirror_equals_virtual_image() {
-    // A lamp above a floor and beside a large mirror x = 0: its image is a second lamp of 0.8 times the radiance, whose light is a caustic.
+    // A lamp above a floor and beside a large mirror x = 0: its image is a second lamp of 0.8 times the radiance, whose
+    // light is a caustic.
     let corner = |x, y| Vec3::new(x, y, 1.0);
     let corners = [corner(0.5, -0.5), corner(0.5, 0.5), corner(1.5, 0.5), corner(1.5, -0.5)];
     let scene = Builder::default()
@@ -134,8 +135,8 @@ fn clear_glass_vanishes_in_a_white_furnace() {
 
 #[test]
 fn light_through_a_pane_is_caustic_below_and_specular_above() {
-    // Solid glass between z = 1 and 2 over a floor so small that its own image does not count. Under a sky of 1 on both sides the floor
-    // receives pi, all of it by glass.
+    // Solid glass between z = 1 and 2 over a floor so small that its own image does not count. Under a sky of 1 on both
+    // sides the floor receives pi, all of it by glass.
     let scene = Builder::default()
         .square(Vec3::Z, Vec3::NEG_Z, 1e4, glass(1.5))
         .square(Vec3::Z * 2.0, Vec3::Z, 1e4, glass(1.5))

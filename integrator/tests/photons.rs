@@ -13,7 +13,8 @@ fn settings(count: u32) -> PhotonSettings {
     PhotonSettings { count, caustic_count: count, seed: 3, ..PhotonSettings::default() }
 }
 
-/// Asserts that no flux was lost: to 1e-9 by the books, and within 4.5 deviations of the count for what roulette added or took.
+/// Asserts that no flux was lost: to 1e-9 by the books, and within 4.5 deviations of the count for what roulette added
+/// or took.
 fn assert_balanced(balance: &FluxBalance, shot: u64, what: &str) {
     let FluxBalance { emitted, absorbed, escaped, stopped, roulette } = *balance;
     let difference = (emitted - absorbed - escaped - stopped - roulette).abs().max_element();
@@ -64,7 +65,8 @@ fn integrating_sphere_is_uniform() {
         sum += found.irradiance.x / count as f32;
         worst = worst.max((found.irradiance.x - 1.0).abs());
     }
-    // 100,000 bounces of equal flux make the mean good to 0.5 %; 50 photons have a deviation of 0.144, and its upper tail is long: of 2000 the worst may be 6 off.
+    // 100,000 bounces of equal flux make the mean good to 0.5 %; 50 photons have a deviation of 0.144, and its upper
+    // tail is long: of 2000 the worst may be 6 off.
     assert!((sum - 1.0).abs() < 0.01, "mean {sum}");
     assert!(worst < 1.0, "worst {worst}");
     assert!(maps.global_irradiance(Vec3A::Z, Vec3A::Z).is_none(), "no photon is on the outside");
@@ -129,7 +131,8 @@ fn mirror_equals_virtual_image() {
 
 #[test]
 fn two_mirrors_make_a_row() {
-    // Mirrors x = 0 and 1, light (0.5, 0, 1), r = 0.9: E(0.5, 0, 0) = sum of r^|k| (1 + k^2)^-1.5 = 1.8675305, of it 1 straight.
+    // Mirrors x = 0 and 1, light (0.5, 0, 1), r = 0.9: E(0.5, 0, 0) = sum of r^|k| (1 + k^2)^-1.5 = 1.8675305, of it 1
+    // straight.
     let scene = Builder::default()
         .square(Vec3::ZERO, Vec3::Z, 3.0, lambert(0.5))
         .square(Vec3::ZERO, Vec3::X, 60.0, mirror(0.9))
@@ -202,8 +205,8 @@ fn caustic_photons_are_aimed_at_small_glass() {
 
 #[test]
 fn mirrors_in_a_wide_landscape_are_met() {
-    // Two mirrors of 20 cm, far apart, that stand at (0, y, 0.5) on 4 km of floor, each 10^-9 of what the sun sees of it. It comes from 45 degrees and goes
-    // on with 0.8 of its light to x = 0.4 to 0.6 on the floor.
+    // Two mirrors of 20 cm, far apart, that stand at (0, y, 0.5) on 4 km of floor, each 10^-9 of what the sun sees of
+    // it. It comes from 45 degrees and goes on with 0.8 of its light to x = 0.4 to 0.6 on the floor.
     let apart = Vec3::Y * 400.0;
     let scene = Builder::default()
         .square(Vec3::ZERO, Vec3::Z, 2000.0, lambert(0.5))

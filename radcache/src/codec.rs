@@ -1,4 +1,5 @@
-//! Records as bytes: a header with magic, version and checksum, then the records. Everything is checked when it is read.
+//! Records as bytes: a header with magic, version and checksum, then the records. Everything is checked when it is
+//! read.
 
 use crate::Record;
 use crate::read::{Unchecked, check};

@@ -91,7 +91,8 @@ impl Elements {
         depth_layers(&samples.distance, layers, &mut layer_of);
         let grid = Grid::new(samples);
         let mut blocks = merge(samples, &grid.points, &layer_of, settings);
-        // Inside a layer by height, up and down in turn: lanes draw as many rows as the highest of them has. Stable, so that the rest of the order is that of the texels.
+        // Inside a layer by height, up and down in turn: lanes draw as many rows as the highest of them has. Stable, so
+        // that the rest of the order is that of the texels.
         blocks.sort_by_key(|b| (b.layer, if b.layer % 2 == 0 { b.size[1] } else { u8::MAX - b.size[1] }));
         let mut layer_starts = vec![0; layers + 1];
         for block in &blocks {
@@ -266,8 +267,9 @@ impl<'a> Grid<'a> {
 
     /// Where the ray through a corner meets the plane of the block; the bare direction for a block at infinity.
     ///
-    /// The plane of a surface that curves away, or of one seen at a grazing angle, runs far beyond it, so the distance stays within those
-    /// that rays found around the corner. Elements that reach farther would cover too much once the point moves.
+    /// The plane of a surface that curves away, or of one seen at a grazing angle, runs far beyond it, so the distance
+    /// stays within those that rays found around the corner. Elements that reach farther would cover too much once the
+    /// point moves.
     fn corner_point(&self, block: &Block, (i, j): (usize, usize)) -> Vec3A {
         /// A little room for what lies between the rays.
         const STRETCH: f32 = 1.1;

@@ -6,9 +6,10 @@ use glam::{IVec3, Vec3A};
 
 /// Numbered balls in space, such as what records of radiance or irradiance reach.
 ///
-/// A ball of radius r is entered at the level whose cells are at least 2 r wide, in the up to eight cells that it touches, so a search looks
-/// at one cell a level: with radii spread over a factor of 1000 that is ten look-ups at most. Balls are found in the order in
-/// which they were entered, level by level, so the answer depends on the order of the calls alone.
+/// A ball of radius r is entered at the level whose cells are at least 2 r wide, in the up to eight cells that it
+/// touches, so a search looks at one cell a level: with radii spread over a factor of 1000 that is ten look-ups at
+/// most. Balls are found in the order in which they were entered, level by level, so the answer depends on the order of
+/// the calls alone.
 ///
 /// ```
 /// # use glam::Vec3A;

@@ -4,8 +4,8 @@ use glam::Vec3A;
 
 use crate::{BallGrid, Record, Validity};
 
-/// Records and where they reach. They are entered one after another and keep their numbers, so the answer depends on the order of
-/// the calls alone.
+/// Records and where they reach. They are entered one after another and keep their numbers, so the answer depends on
+/// the order of the calls alone.
 #[derive(Debug, Default)]
 pub struct Index {
     validity: Validity,

@@ -2,9 +2,9 @@
 
 /// Gives each distance its layer, 0 the nearest, `layers - 1` the farthest, into `out`.
 ///
-/// The last layer holds what is infinitely far, alone where there are at least two layers. The others divide the range of the
-/// finite distances evenly in the logarithm, in O(distances) and without a logarithm of zero: what is nearer than 1e-4 of the
-/// farthest shares the first layer.
+/// The last layer holds what is infinitely far, alone where there are at least two layers. The others divide the range
+/// of the finite distances evenly in the logarithm, in O(distances) and without a logarithm of zero: what is nearer
+/// than 1e-4 of the farthest shares the first layer.
 ///
 /// # Panics
 /// If `layers` is 0 or above 256, or the slices differ in length.

@@ -1,8 +1,8 @@
 //! Merging of neighbouring texels into s-elements, in alternating passes along rows and columns (paper, section 5.2).
 //!
-//! The paper merges within a depth layer. But layers are there to tell what hides what, and the more of them the better, while a wall that runs through
-//! many of them is cut into slivers: so blocks may span layers, and belong to the nearest of theirs. What limits their depth instead is how much they change
-//! their shape when the point moves.
+//! The paper merges within a depth layer. But layers are there to tell what hides what, and the more of them the
+//! better, while a wall that runs through many of them is cut into slivers: so blocks may span layers, and belong to
+//! the nearest of theirs. What limits their depth instead is how much they change their shape when the point moves.
 
 use glam::Vec3A;
 
@@ -27,8 +27,9 @@ use crate::Samples;
 pub enum DepthRange {
     /// One depth layer, as in the paper.
     Layer,
-    /// Largest difference of 1 / distance between its texels, in units of 1 / harmonic mean distance of the record. A point that is `d` away from the
-    /// record sees a texel at the distance `t` turned by about `d / t`, so this bounds by how much more one end of a block moves than the other.
+    /// Largest difference of 1 / distance between its texels, in units of 1 / harmonic mean distance of the record. A
+    /// point that is `d` away from the record sees a texel at the distance `t` turned by about `d / t`, so this bounds
+    /// by how much more one end of a block moves than the other.
     Parallax(f32),
 }
 
@@ -38,8 +39,8 @@ pub struct MergeSettings {
     /// Largest number of texels along a side of a block; 1 switches merging off. Long straight edges bend when they are
     /// projected, and the error grows with the square of their length.
     pub max_side: u8,
-    /// Whether the largest side is half as long nearer than two thirds of the harmonic mean distance: near things are magnified, and edges bend the more the
-    /// farther they move. With a `max_side` of 2 or 3 nothing merges there.
+    /// Whether the largest side is half as long nearer than two thirds of the harmonic mean distance: near things are
+    /// magnified, and edges bend the more the farther they move. With a `max_side` of 2 or 3 nothing merges there.
     pub adaptive: bool,
     /// Smallest cosine between the normals.
     pub min_normal_cos: f32,
@@ -47,8 +48,8 @@ pub struct MergeSettings {
     pub plane_tolerance: f32,
     /// How deep a block may be.
     pub depth: DepthRange,
-    /// Largest contrast of radiance, |a - b| / (a + b) by the means of the channels. Above 1 it never hinders a merge, which is enough where
-    /// only irradiance is wanted; a glossy lobe sees the mean of an element and wants less.
+    /// Largest contrast of radiance, |a - b| / (a + b) by the means of the channels. Above 1 it never hinders a merge,
+    /// which is enough where only irradiance is wanted; a glossy lobe sees the mean of an element and wants less.
     pub max_contrast: f32,
 }
 
@@ -63,7 +64,8 @@ impl MergeSettings {
 }
 
 impl Default for MergeSettings {
-    /// Sides of up to 4 texels, 2 where they are near, normals within 10 degrees, planes within 2 % of the distance, a parallax of 0.3, any contrast.
+    /// Sides of up to 4 texels, 2 where they are near, normals within 10 degrees, planes within 2 % of the distance, a
+    /// parallax of 0.3, any contrast.
     fn default() -> Self {
         Self {
             max_side: 4,
@@ -161,10 +163,12 @@ impl Block {
     }
 }
 
-/// Divides the texels into blocks: each texel is in exactly one. `points` and `layers` hold what each texel met and its depth layer.
+/// Divides the texels into blocks: each texel is in exactly one. `points` and `layers` hold what each texel met and its
+/// depth layer.
 ///
-/// A pass along the rows merges each block with its right neighbour of the same rows, once; then a pass along the columns does
-/// the same downwards. Sides so about double from pass to pass and blocks stay compact. Ends when neither pass merges anything.
+/// A pass along the rows merges each block with its right neighbour of the same rows, once; then a pass along the
+/// columns does the same downwards. Sides so about double from pass to pass and blocks stay compact. Ends when neither
+/// pass merges anything.
 pub(crate) fn merge(samples: &Samples, points: &[Vec3A], layers: &[u8], settings: &MergeSettings) -> Vec<Block> {
     let n = samples.resolution();
     let harmonic_distance = samples.harmonic_distance();

@@ -7,7 +7,8 @@ use glam::Vec3A;
 use crate::silhouette::plane_distance;
 use crate::{Elements, LANES};
 
-/// The sides of elements that are silhouettes, in the order of their elements. All of it follows from the other arrays of [`Elements`].
+/// The sides of elements that are silhouettes, in the order of their elements. All of it follows from the other arrays
+/// of [`Elements`].
 ///
 /// The arrays are padded to a multiple of [`LANES`] with sides of no length.
 ///
@@ -27,20 +28,22 @@ use crate::{Elements, LANES};
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outline {
-    /// The corners at both ends of a side, with the element on the left: corner `k` of element `e` has the number `k * padded_len + e`.
+    /// The corners at both ends of a side, with the element on the left: corner `k` of element `e` has the number `k *
+    /// padded_len + e`.
     pub ends: [Vec<u16>; 2],
-    /// Unit normals, towards the side of the element, of the planes through the record and both ends: x, y and z, in the frame of the record. A point that is
-    /// off its plane on the other side sees past a silhouette.
+    /// Unit normals, towards the side of the element, of the planes through the record and both ends: x, y and z, in
+    /// the frame of the record. A point that is off its plane on the other side sees past a silhouette.
     pub normals: [Vec<f32>; 3],
     /// Where in the square the record saw both ends: u.
     pub u: [Vec<f32>; 2],
     /// The same: v.
     pub v: [Vec<f32>; 2],
-    /// How far inside of the side the surface may end in truth, in the square: a texel, or nothing where the radiance of the element knows how much of its
-    /// texels the background takes, or is of no use elsewhere.
+    /// How far inside of the side the surface may end in truth, in the square: a texel, or nothing where the radiance
+    /// of the element knows how much of its texels the background takes, or is of no use elsewhere.
     pub margin: Vec<f32>,
-    /// How far what lies behind a side moves when the point does, as a share of how far the side itself moves: the ratio of their distances, the least along the
-    /// side; 0 before the surroundings, and where nothing beside the side is farther.
+    /// How far what lies behind a side moves when the point does, as a share of how far the side itself moves: the
+    /// ratio of their distances, the least along the side; 0 before the surroundings, and where nothing beside the side
+    /// is farther.
     pub behind: Vec<f32>,
     /// Start of each layer, and the number of sides at the end.
     layer_starts: Vec<u16>,
@@ -158,7 +161,8 @@ fn distance(elements: &Elements, e: usize, towards: Vec3A) -> f32 {
     let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
     let distances = corners.map(Vec3A::length);
     let [nearest, farthest] = [f32::min, f32::max].map(|choose| distances.into_iter().reduce(choose).expect("four"));
-    // Not by `clamp`, which panics on bounds that are no numbers: what is read is checked only after the outline is found.
+    // Not by `clamp`, which panics on bounds that are no numbers: what is read is checked only after the outline is
+    // found.
     plane_distance(corners[0], normal, towards.normalize_or_zero()).max(nearest).min(farthest)
 }
 

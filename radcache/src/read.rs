@@ -1,6 +1,7 @@
 //! Reading by serde, from any format: the fields as they are found, and whether they make sense.
 //!
-//! The fields are listed a second time here, for what is derived on the types themselves would let them be read unchecked.
+//! The fields are listed a second time here, for what is derived on the types themselves would let them be read
+//! unchecked.
 
 use glam::{Vec2, Vec3};
 use serde::de::Error;

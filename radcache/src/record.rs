@@ -38,8 +38,8 @@ impl Record {
     /// Makes a record from samples taken at `centre` in `frame`, whose z axis is the normal there.
     ///
     /// # Panics
-    /// If `settings.layers` is 0 or above 256, or if the samples do not keep what [`Samples`] says of them: a texture is not n x n, or a distance is negative
-    /// or NaN.
+    /// If `settings.layers` is 0 or above 256, or if the samples do not keep what [`Samples`] says of them: a texture
+    /// is not n x n, or a distance is negative or NaN.
     #[must_use]
     pub fn new(centre: Vec3A, frame: Frame, samples: Samples, settings: &RecordSettings, validity: &Validity) -> Self {
         assert!((1..=256).contains(&settings.layers), "records have 1 to 256 layers");

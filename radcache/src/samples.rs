@@ -8,12 +8,12 @@ pub const MAX_RESOLUTION: usize = 64;
 
 /// `n x n` samples of incident radiance, texel `(i, j)` at index `j * n + i`; u runs with i, v with j.
 ///
-/// Directions and normals are in the frame of the record, z along its normal. A texel covers the square
-/// `[i, i+1) x [j, j+1)` divided by n, of solid angle pi / (n^2 cos theta): the map preserves area, so the plain mean of
-/// `radiance` is irradiance / pi.
+/// Directions and normals are in the frame of the record, z along its normal. A texel covers the square `[i, i+1) x [j,
+/// j+1)` divided by n, of solid angle pi / (n^2 cos theta): the map preserves area, so the plain mean of `radiance` is
+/// irradiance / pi.
 ///
-/// Textures may be written texel by texel, without [`Self::set`]; then what is said of each is for the writer to keep, and none may change its length.
-/// [`Record::new`](crate::Record::new) panics where a length or a distance is wrong.
+/// Textures may be written texel by texel, without [`Self::set`]; then what is said of each is for the writer to keep,
+/// and none may change its length. [`Record::new`](crate::Record::new) panics where a length or a distance is wrong.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Samples {
     pub(crate) n: u32,
@@ -25,11 +25,11 @@ pub struct Samples {
     pub distance: Vec<f32>,
     /// Unit normal of the hit, turned to the record; any value where the distance is infinite.
     pub normal: Vec<Vec3>,
-    /// Share of the radiance that comes from infinity, by the mean of the channels, in [0, 1]: 1 for the surroundings, 0 for what stands at a distance, and
-    /// between for a texel of several rays at the rim of a window.
+    /// Share of the radiance that comes from infinity, by the mean of the channels, in [0, 1]: 1 for the surroundings,
+    /// 0 for what stands at a distance, and between for a texel of several rays at the rim of a window.
     pub background_share: Vec<f32>,
-    /// Whether the radiance is that of this direction only, as a highlight is, so that another point must look for itself: the
-    /// element then hides what is behind it, and is traced anew.
+    /// Whether the radiance is that of this direction only, as a highlight is, so that another point must look for
+    /// itself: the element then hides what is behind it, and is traced anew.
     pub view_dependent: Vec<bool>,
 }
 
@@ -53,7 +53,8 @@ impl Samples {
         }
     }
 
-    /// Evaluates `look(wi) -> (radiance, distance, normal)` through the centre of each texel, all in the frame of the record.
+    /// Evaluates `look(wi) -> (radiance, distance, normal)` through the centre of each texel, all in the frame of the
+    /// record.
     ///
     /// # Panics
     /// As [`Self::new`].
@@ -129,7 +130,8 @@ impl Samples {
         directions
     }
 
-    /// The points that the texels' rays met, relative to the record, in its frame; the bare direction where that is infinitely far.
+    /// The points that the texels' rays met, relative to the record, in its frame; the bare direction where that is
+    /// infinitely far.
     #[must_use]
     pub fn points(&self) -> Vec<Vec3A> {
         let mut points = self.directions();

@@ -1,14 +1,15 @@
 //! Which sides of a texel are silhouettes: edges with something farther and discontinuous beside them.
 //!
-//! Only there can something that the record did not see come into view when the point moves. A floor that runs through several
-//! layers has no silhouette inside; marking the trail of every element instead calls three times as much unknown.
+//! Only there can something that the record did not see come into view when the point moves. A floor that runs through
+//! several layers has no silhouette inside; marking the trail of every element instead calls three times as much
+//! unknown.
 
 use glam::Vec3A;
 
 use crate::{Samples, Sides};
 
-/// How far two planes may be apart, as a share of the distance, before their edge counts as a jump. As tight as the texel grid
-/// allows: jitter of the rays and curvature inside a texel stay below it.
+/// How far two planes may be apart, as a share of the distance, before their edge counts as a jump. As tight as the
+/// texel grid allows: jitter of the rays and curvature inside a texel stay below it.
 const JUMP: f32 = 0.05;
 
 /// The silhouette sides of each texel, `n x n` as in [`Samples`], whose `points` these are.
@@ -36,8 +37,8 @@ pub(crate) fn silhouettes(samples: &Samples, points: &[Vec3A]) -> Vec<Sides> {
     sides
 }
 
-/// Whether texel `near` hides something behind it at its border with texel `far`: `far` is farther and neither surface runs on
-/// into the other.
+/// Whether texel `near` hides something behind it at its border with texel `far`: `far` is farther and neither surface
+/// runs on into the other.
 fn hides(samples: &Samples, points: &[Vec3A], near: usize, far: usize) -> bool {
     let (dn, df) = (samples.distance[near], samples.distance[far]);
     if !dn.is_finite() || df <= dn * (1.0 + JUMP) {

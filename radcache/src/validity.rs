@@ -9,8 +9,9 @@ use crate::{Record, Samples};
 pub struct Validity {
     /// Reach as a share of the harmonic mean distance (Ward, Rubinstein, Clear 1988).
     pub spacing: f32,
-    /// Smallest reach that is of use, such as a part of a pixel: a record that would reach less, in a crease or a corner, reaches nobody.
-    /// Stretching it instead lets it reach across things that are smaller than that, and light leaks into the crease.
+    /// Smallest reach that is of use, such as a part of a pixel: a record that would reach less, in a crease or a
+    /// corner, reaches nobody. Stretching it instead lets it reach across things that are smaller than that, and light
+    /// leaks into the crease.
     pub min_radius: f32,
     /// Largest reach.
     pub max_radius: f32,
@@ -63,8 +64,8 @@ impl Validity {
     pub fn misfit(&self, record: &Record, p: Vec3A, n: Vec3A) -> f32 {
         let cos = n.dot(record.frame().n);
         let d = p - record.centre();
-        // Points above the tangent plane see past the horizon of the record, so height counts double; what lies below it may be in the way of
-        // points that do so too, and nothing is known of it, so depth counts four times.
+        // Points above the tangent plane see past the horizon of the record, so height counts double; what lies below
+        // it may be in the way of points that do so too, and nothing is known of it, so depth counts four times.
         let height = d.dot(record.frame().n);
         let weight = if height > 0.0 { 3.0 } else { 15.0 };
         let distance = (d.length_squared() + weight * height * height).sqrt();

@@ -38,7 +38,8 @@ fn record(p: Vec3A, frame: Frame, n: usize, settings: &RecordSettings, validity:
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Every texel is in one element, elements are in the layers of their nearest texels, and they keep the sum of radiance.
+    /// Every texel is in one element, elements are in the layers of their nearest texels, and they keep the sum of
+    /// radiance.
     #[test]
     fn elements_tile_the_texture(
         x in -0.9f32..0.9, y in -0.9f32..0.9, z in -0.99f32..-0.8, n in 1usize..=64,
@@ -66,8 +67,8 @@ proptest! {
         prop_assert!(owner.iter().all(Option::is_some), "every texel is in an element");
         let whole: glam::DVec3 = samples.radiance.iter().map(|l| l.as_dvec3()).sum();
         prop_assert!((sum / whole - 1.0).abs().max_element() < 1e-6, "{} for {}", sum, whole);
-        // Layers are ordered: of what a farther one holds, the nearest ends are not nearer than those of a nearer one, and the farthest neither
-        // where no element runs through several.
+        // Layers are ordered: of what a farther one holds, the nearest ends are not nearer than those of a nearer one,
+        // and the farthest neither where no element runs through several.
         let mut ends = vec![[f32::INFINITY, 0.0]; elements.len()];
         for (e, &distance) in owner.iter().zip(&samples.distance) {
             let [near, far] = &mut ends[e.unwrap()];
@@ -202,8 +203,8 @@ fn record_outside_the_geometry_is_refused() {
     assert_eq!(index.len(), 1, "but it is counted");
 }
 
-/// Records along a floor towards a wall: their reach shrinks with the distance and never passes the wall; nearer than is of use they reach
-/// nobody, so the strip of pixels beside the seam does without them instead of crowding it.
+/// Records along a floor towards a wall: their reach shrinks with the distance and never passes the wall; nearer than
+/// is of use they reach nobody, so the strip of pixels beside the seam does without them instead of crowding it.
 #[test]
 fn records_do_not_cluster_in_corners() {
     let radius = |x: f32, validity: &Validity| {
@@ -235,7 +236,8 @@ fn silhouettes_lie_where_the_ball_ends() {
     let marked = (0..elements.len()).filter(|&e| elements.sides[e] != Sides::NONE);
     let (on_ball, elsewhere): (Vec<_>, Vec<_>) = marked.partition(|&e| ball(e));
     assert!(on_ball.len() > 8, "the outline of the ball: {}", on_ball.len());
-    // Walls meet in creases, which hide nothing; where both are seen at a grazing angle, a texel may take one for an edge.
+    // Walls meet in creases, which hide nothing; where both are seen at a grazing angle, a texel may take one for an
+    // edge.
     assert!(elsewhere.len() * 50 < 32 * 32, "{} of {} elements", elsewhere.len(), elements.len());
 }
 

@@ -1,4 +1,5 @@
-//! A renderer of your own that takes up these crates one after the other. Its scene, its rays and its light know nothing of them.
+//! A renderer of your own that takes up these crates one after the other. Its scene, its rays and its light know
+//! nothing of them.
 //!
 //! `cargo run --release --example own_renderer`
 //!

@@ -7,8 +7,8 @@ use crate::kernel::direction_to_square;
 /// A quadrilateral that need not be convex, clipped by a plane, has at most 6 corners.
 pub(crate) const MAX_CLIPPED: usize = 6;
 
-/// Clips a quadrilateral in space at z = 0 and maps it to the square; gives the number of corners. Unclipped corners below the
-/// horizon would fold back into the disk.
+/// Clips a quadrilateral in space at z = 0 and maps it to the square; gives the number of corners. Unclipped corners
+/// below the horizon would fold back into the disk.
 pub(crate) fn clip_at_horizon(space: &[Vec3A; 4], polygon: &mut [Vec2; MAX_CLIPPED]) -> usize {
     let mut count = 0;
     for k in 0..4 {
@@ -26,7 +26,8 @@ pub(crate) fn clip_at_horizon(space: &[Vec3A; 4], polygon: &mut [Vec2; MAX_CLIPP
     count
 }
 
-/// Where the line between a point below the horizon, z < 0, and one that is not crosses it. The latter counts as at the horizon if rounding put it below.
+/// Where the line between a point below the horizon, z < 0, and one that is not crosses it. The latter counts as at the
+/// horizon if rounding put it below.
 pub(crate) fn crossing(below: Vec3A, above: Vec3A) -> Vec3A {
     (below + (above - below) * (below.z / (below.z - above.z.max(0.0)))).with_z(0.0)
 }

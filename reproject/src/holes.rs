@@ -38,8 +38,8 @@ impl Hole {
 }
 
 impl Workspace {
-    /// Lists the blocks with gaps of which any texel is `wanted`, and a direction in world space for each: uniformly through its unfilled
-    /// texels, which a ray through the block's centre would not be.
+    /// Lists the blocks with gaps of which any texel is `wanted`, and a direction in world space for each: uniformly
+    /// through its unfilled texels, which a ray through the block's centre would not be.
     pub(crate) fn find_holes(&mut self, step: u32, seed: u64, wanted: impl Fn(usize) -> bool) {
         let n = self.n;
         let step = (step as usize).clamp(1, n);
@@ -89,7 +89,8 @@ fn unit(bits: u64) -> f32 {
     (f32::from((bits & 0xffff) as u16) + 0.5) / 65536.0
 }
 
-/// 64 well mixed bits from a seed and a counter (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators").
+/// 64 well mixed bits from a seed and a counter (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number
+/// generators").
 pub(crate) fn hash(seed: u64, counter: u64) -> u64 {
     let mut x = seed.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);

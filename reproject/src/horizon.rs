@@ -1,4 +1,5 @@
-//! What lies below a plane: below the surface of the point, whence nothing comes, and below that of the record, which it never saw.
+//! What lies below a plane: below the surface of the point, whence nothing comes, and below that of the record, which
+//! it never saw.
 
 use glam::{Vec2, Vec3A};
 use radcache::{MAX_RESOLUTION, Record};
@@ -68,12 +69,14 @@ impl Workspace {
 
     /// Makes unknown what the record cannot vouch for, as its rays began above things that are now in the way.
     ///
-    /// A point that lies at the depth h below the tangent plane of the record sees along a direction of elevation s over that plane through a length h / s
-    /// that no ray of the record went through. Where that is a good part of the distances here, something may stand there; the
-    /// elements behind would shine through it, and the picture would be too bright on whatever bulges.
+    /// A point that lies at the depth h below the tangent plane of the record sees along a direction of elevation s
+    /// over that plane through a length h / s that no ray of the record went through. Where that is a good part of the
+    /// distances here, something may stand there; the elements behind would shine through it, and the picture would be
+    /// too bright on whatever bulges.
     pub(crate) fn doubt(&mut self, record: &Record) {
-        /// Share of the harmonic mean distance that may stay unseen. On the reliefs of `sponza`, 0.3 leaves the picture 4 % too bright, 0.1 2.5 %,
-        /// 0.05 0.8 % and 0.03 0.4 %, where holes take 15, 17, 23 and 31 % of the hemisphere.
+        /// Share of the harmonic mean distance that may stay unseen. On the reliefs of `sponza`, 0.3 leaves the picture
+        /// 4 % too bright, 0.1 2.5 %, 0.05 0.8 % and 0.03 0.4 %, where holes take 15, 17, 23 and 31 % of the
+        /// hemisphere.
         const UNSEEN_SHARE: f32 = 0.03;
         /// Depths below this share of it are rounding.
         const ROUNDING: f32 = 1e-4;

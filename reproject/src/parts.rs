@@ -1,4 +1,5 @@
-//! The four parts of the hemisphere that the paper tells apart (section 3): what stayed, what moved, what came from behind something, and what opened.
+//! The four parts of the hemisphere that the paper tells apart (section 3): what stayed, what moved, what came from
+//! behind something, and what opened.
 
 use radcache::Record;
 
@@ -7,15 +8,17 @@ use crate::kernel::NOBODY;
 use crate::samples::Plane;
 use crate::verify::texel_at;
 
-/// What became of the hemisphere on the way from a record to a point, as shares weighted by the cosine. Together they are 1, less what lies below the surface of
-/// the point.
+/// What became of the hemisphere on the way from a record to a point, as shares weighted by the cosine. Together they
+/// are 1, less what lies below the surface of the point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Parts {
     /// The background that remained: seen in the same direction by the record, in the same element.
     pub unchanged: f32,
-    /// What the record saw in another direction, before all else that it knows here: objects that moved, and surfaces that slid along themselves.
+    /// What the record saw in another direction, before all else that it knows here: objects that moved, and surfaces
+    /// that slid along themselves.
     pub moved: f32,
-    /// The background that was closed: what the record saw in another direction, while something nearer that is gone from here stood before it.
+    /// The background that was closed: what the record saw in another direction, while something nearer that is gone
+    /// from here stood before it.
     pub bared: f32,
     /// What nobody has seen: all holes.
     pub opened: f32,
@@ -24,7 +27,8 @@ pub struct Parts {
 impl Workspace {
     /// Tells the parts of the hemisphere apart, texel by texel.
     ///
-    /// A thing at a distance d from the record is at most d + |p| away from a point at p: what fills a texel farther than that was behind what the record saw there.
+    /// A thing at a distance d from the record is at most d + |p| away from a point at p: what fills a texel farther
+    /// than that was behind what the record saw there.
     ///
     /// # Panics
     /// If `record` is not the one that was projected last.
@@ -72,7 +76,8 @@ impl Workspace {
                 continue;
             }
             let wi = centres.direction(texel);
-            // The texel through which the record looked that way; what lies below its horizon it has seen from the side alone.
+            // The texel through which the record looked that way; what lies below its horizon it has seen from the side
+            // alone.
             let seen_before = if is_turned {
                 let wi = self.rotation.transpose() * wi;
                 (wi.z > 0.0).then(|| texel_at(hemimap::cosine_hemisphere_to_square(wi), n))

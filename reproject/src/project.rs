@@ -10,15 +10,16 @@ use crate::{Settings, Shares, Workspace};
 impl Workspace {
     /// Projects the elements of a record to a point `p` with unit normal `n` in world space, nearest layer first.
     ///
-    /// Bits that an element of a nearer layer filled, or that a nearer layer made unknown, are closed to it, and so is what silhouettes of its own layer
-    /// uncovered. An element that is seen from behind, or whose radiance depends on the view, fills nothing and makes unknown what it covers: the record knows only
-    /// its front, from its own place. That, and [`Trails::All`](crate::Trails::All), count from the next layer on (paper, section 5.3).
+    /// Bits that an element of a nearer layer filled, or that a nearer layer made unknown, are closed to it, and so is
+    /// what silhouettes of its own layer uncovered. An element that is seen from behind, or whose radiance depends on
+    /// the view, fills nothing and makes unknown what it covers: the record knows only its front, from its own place.
+    /// That, and [`Trails::All`](crate::Trails::All), count from the next layer on (paper, section 5.3).
     pub fn project(&mut self, record: &Record, p: Vec3A, n: Vec3A, settings: &Settings) -> Shares {
         self.project_above(record, p, n, n, settings)
     }
 
-    /// [`Self::project`] to a point whose surface has the unit normal `ng`, while `n` is that of its shading: what lies below the surface
-    /// is filled with black, as nothing comes from there whatever the record saw.
+    /// [`Self::project`] to a point whose surface has the unit normal `ng`, while `n` is that of its shading: what lies
+    /// below the surface is filled with black, as nothing comes from there whatever the record saw.
     pub fn project_above(&mut self, record: &Record, p: Vec3A, n: Vec3A, ng: Vec3A, settings: &Settings) -> Shares {
         self.place(record, p, n);
         self.masks.reset(self.n);

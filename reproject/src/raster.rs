@@ -1,8 +1,9 @@
 //! The rasteriser: which texel centres a polygon covers, as rows of bits.
 //!
-//! A centre is covered where a ray to it from the left crosses the edges an odd number of times. For a quadrilateral that is the
-//! same as a winding number other than zero, for four edges, of less than half a turn each, cannot wind round a point twice. So
-//! each row is the exclusive or of one word for each edge: no sorting, and no branch but that on the number of rows.
+//! A centre is covered where a ray to it from the left crosses the edges an odd number of times. For a quadrilateral
+//! that is the same as a winding number other than zero, for four edges, of less than half a turn each, cannot wind
+//! round a point twice. So each row is the exclusive or of one word for each edge: no sorting, and no branch but that
+//! on the number of rows.
 
 use std::ops::Range;
 
@@ -16,8 +17,9 @@ const MAX_CORNERS: usize = 8;
 
 /// Sets rows to the texel centres that the polygon covers, and tells which rows: the others keep what they had.
 ///
-/// A centre on an edge belongs to one of the polygons that share it: they share no centre and leave none out. Corners are in the square; what lies outside
-/// [0, 1] is cut off. Corners that are not numbers cover nothing sensible but do no harm.
+/// A centre on an edge belongs to one of the polygons that share it: they share no centre and leave none out. Corners
+/// are in the square; what lies outside [0, 1] is cut off. Corners that are not numbers cover nothing sensible but do
+/// no harm.
 ///
 /// # Panics
 /// If there are more than 8 corners, or n is above 64.
@@ -121,17 +123,19 @@ static BELOW: [u64; 128] = {
     below
 };
 
-/// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits. The functions that round cost a call
-/// where the processor need not have SSE4.
+/// Beyond 2^23 neighbouring numbers are 1 apart, so adding it rounds to a whole number and leaves that in the low bits.
+/// The functions that round cost a call where the processor need not have SSE4.
 const ROUND: f32 = 8_388_608.0;
 
-/// The whole number in [0, scale] that is nearest to each x: so many of the centres lie at its left. 0 for what is not a number.
+/// The whole number in [0, scale] that is nearest to each x: so many of the centres lie at its left. 0 for what is not
+/// a number.
 #[inline(always)]
 fn nearest_wholes(x: Vec4, scale: Vec4) -> [usize; 4] {
     low_bits(x.max(Vec4::ZERO).min(scale) + ROUND)
 }
 
-/// The first of `scale` whole numbers at or above each x, `scale` if there is none, 0 for what is not a number: the ceiling.
+/// The first of `scale` whole numbers at or above each x, `scale` if there is none, 0 for what is not a number: the
+/// ceiling.
 #[inline(always)]
 fn first_centres(x: Vec4, scale: Vec4) -> [usize; 4] {
     let x = x.max(Vec4::ZERO).min(scale);
@@ -164,7 +168,8 @@ mod tests {
         a.x + (y - a.y) * ((b.x - a.x) / (b.y - a.y))
     }
 
-    /// By three nested loops: winding number of each centre where there are four corners, number of crossings where there are more.
+    /// By three nested loops: winding number of each centre where there are four corners, number of crossings where
+    /// there are more.
     fn naive(corners: &[Vec2], n: usize) -> Rows {
         let mut rows = [0; MAX_RESOLUTION];
         for (j, row) in rows.iter_mut().enumerate().take(n) {

@@ -18,7 +18,8 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    /// The plane of element `e` for a point at `offset` from the record, whose frame `rotation` turns to that of the point.
+    /// The plane of element `e` for a point at `offset` from the record, whose frame `rotation` turns to that of the
+    /// point.
     pub(crate) fn of(elements: &Elements, e: usize, offset: Vec3A, rotation: &Mat3A) -> Self {
         let [a, b, c, d] = std::array::from_fn(|k| elements.corner(e, k));
         let centre = (a + b + c + d) / 4.0 - offset;
@@ -27,8 +28,8 @@ impl Plane {
         Self { normal: *rotation * normal, height: normal.dot(centre), far: centre.length() }
     }
 
-    /// Distance along a unit direction through the element. Where a grazing plane would be met far from the element, as its outline
-    /// covers no more of the texel than the centre, the distance of its middle.
+    /// Distance along a unit direction through the element. Where a grazing plane would be met far from the element, as
+    /// its outline covers no more of the texel than the centre, the distance of its middle.
     pub(crate) fn distance(&self, wi: Vec3A) -> f32 {
         /// Times the distance of the middle.
         const RANGE: [f32; 2] = [0.5, 2.0];
@@ -39,9 +40,9 @@ impl Plane {
 }
 
 impl Workspace {
-    /// Writes what the point sees, in the frame that [`Self::frame`] gives: as if its own rays had gone through the centres of all texels.
-    /// Elements lie on the planes through their corners; all texels of a hole take what its ray met. To be called after
-    /// [`Self::trace_holes`].
+    /// Writes what the point sees, in the frame that [`Self::frame`] gives: as if its own rays had gone through the
+    /// centres of all texels. Elements lie on the planes through their corners; all texels of a hole take what its ray
+    /// met. To be called after [`Self::trace_holes`].
     ///
     /// The mean of these samples counts texels; [`Self::mean_radiance`] knows the areas of elements and is more exact.
     ///

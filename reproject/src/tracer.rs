@@ -9,8 +9,8 @@ pub struct Traced {
     pub radiance: Vec3,
     /// Distance to the hit in metres, infinite for the surroundings.
     pub distance: f32,
-    /// Unit normal of what it hit, turned to the point, world space; any value where the distance is infinite. [`Workspace::samples`] alone
-    /// asks for it.
+    /// Unit normal of what it hit, turned to the point, world space; any value where the distance is infinite.
+    /// [`Workspace::samples`] alone asks for it.
     ///
     /// [`Workspace::samples`]: crate::Workspace::samples
     pub normal: Vec3A,

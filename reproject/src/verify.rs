@@ -1,6 +1,7 @@
 //! Verification: a few rays that ask whether the reprojected elements are really there.
 //!
-//! No reprojection can know what a record could not see, such as the inside of a thin gap. Four rays find nearly all of it.
+//! No reprojection can know what a record could not see, such as the inside of a thin gap. Four rays find nearly all of
+//! it.
 
 use glam::{Mat3A, Vec2, Vec3A};
 use radcache::Record;
@@ -23,8 +24,8 @@ pub struct Verdict {
 }
 
 impl Workspace {
-    /// Traces `side x side` stratified rays, 16 x 16 at most, and compares what each meets with the element that fills its texel. To be called
-    /// between [`Self::project`] and [`Self::trace_holes`], whose buffers it uses.
+    /// Traces `side x side` stratified rays, 16 x 16 at most, and compares what each meets with the element that fills
+    /// its texel. To be called between [`Self::project`] and [`Self::trace_holes`], whose buffers it uses.
     ///
     /// # Panics
     /// If `record` is not the one that was projected last.
@@ -169,7 +170,8 @@ mod tests {
         let record = Record::new(Vec3A::ZERO, frame, samples, &RecordSettings::default(), &Validity::default());
         let mut workspace = Workspace::new();
         workspace.project(&record, Vec3A::ZERO, Vec3A::Z, &Settings::default());
-        // Where rays fall in their cells: of 8 x 8 bins, each gets 256 of 16384 on the average, and 16 times the square root of one.
+        // Where rays fall in their cells: of 8 x 8 bins, each gets 256 of 16384 on the average, and 16 times the square
+        // root of one.
         let mut bins = [[0u32; 8]; 8];
         for seed in 0..64 {
             let mut truth = Told(distance, Vec::new());

@@ -15,7 +15,8 @@ use crate::{Traced, Tracer};
 /// What of the square an element covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coverage {
-    /// The rectangle that encloses its four corners, as the paper has it: quick, and too large where an element is turned.
+    /// The rectangle that encloses its four corners, as the paper has it: quick, and too large where an element is
+    /// turned.
     Rectangle,
     /// The quadrilateral of its corners.
     #[default]
@@ -26,14 +27,14 @@ pub enum Coverage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Trails {
-    /// All: the rectangle that encloses the old and the new place, as the paper has it. Flags far too much: a floor that runs
-    /// through several layers sweeps over itself.
+    /// All: the rectangle that encloses the old and the new place, as the paper has it. Flags far too much: a floor
+    /// that runs through several layers sweeps over itself.
     All,
-    /// Sides that are silhouettes against something farther and retreat from it: what lies between the old and the new edge. Those that advance cover that
-    /// themselves.
+    /// Sides that are silhouettes against something farther and retreat from it: what lies between the old and the new
+    /// edge. Those that advance cover that themselves.
     Silhouettes,
-    /// The same, less what the background keeps covered as it follows: by its distance it goes a part of the way that the silhouette goes. So what is unknown
-    /// is what nobody saw, and hardly more.
+    /// The same, less what the background keeps covered as it follows: by its distance it goes a part of the way that
+    /// the silhouette goes. So what is unknown is what nobody saw, and hardly more.
     #[default]
     Uncovered,
 }
@@ -57,10 +58,11 @@ pub struct Settings {
     pub trails: Trails,
     /// How shares are measured.
     pub weights: AreaWeights,
-    /// Whether the last texel of a surface that retreats from behind its silhouette is unknown: one ray a texel does not tell where in it the surface
-    /// ends. Of no effect where all elements leave trails.
+    /// Whether the last texel of a surface that retreats from behind its silhouette is unknown: one ray a texel does
+    /// not tell where in it the surface ends. Of no effect where all elements leave trails.
     pub margins: bool,
-    /// Whether what stands above a point, but below the tangent plane of the record, makes texels unknown: the record could not see it.
+    /// Whether what stands above a point, but below the tangent plane of the record, makes texels unknown: the record
+    /// could not see it.
     pub doubt: bool,
 }
 
@@ -91,8 +93,9 @@ pub struct Shares {
 /// Buffers of a reprojection, and its result; kept by a thread and used again, so that no call allocates.
 ///
 /// The order of calls: [`Self::project`], perhaps [`Self::verify`], then [`Self::trace_holes`] or
-/// [`Self::trace_holes_under`], then any of the results. Those that ask for a record want the one that was projected last, for texels know its elements by
-/// number. Texels are indexed as in [`radcache::Samples`], in the frame that [`Self::frame`] gives.
+/// [`Self::trace_holes_under`], then any of the results. Those that ask for a record want the one that was projected
+/// last, for texels know its elements by number. Texels are indexed as in [`radcache::Samples`], in the frame that
+/// [`Self::frame`] gives.
 #[derive(Debug)]
 pub struct Workspace {
     /// The record that was projected last.
@@ -165,15 +168,16 @@ impl Workspace {
         }
     }
 
-    /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and gives the
-    /// number of rays. The same seed gives the same rays. `step` is k of the paper, where 2 is a good choice; 0 counts as 1.
+    /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and
+    /// gives the number of rays. The same seed gives the same rays. `step` is k of the paper, where 2 is a good choice;
+    /// 0 counts as 1.
     pub fn trace_holes(&mut self, step: u32, seed: u64, tracer: &mut impl Tracer) -> usize {
         self.find_holes(step, seed, |_| true);
         self.trace_found(tracer)
     }
 
-    /// As [`Self::trace_holes`], but only where a texel of the block has a weight. Of the results, [`Self::weighted_sum`] with these weights
-    /// alone holds then, and what is derived from it.
+    /// As [`Self::trace_holes`], but only where a texel of the block has a weight. Of the results,
+    /// [`Self::weighted_sum`] with these weights alone holds then, and what is derived from it.
     ///
     /// # Panics
     /// If there are not n x n weights.
@@ -190,8 +194,8 @@ impl Workspace {
         self.holes.len()
     }
 
-    /// Mean of the incident radiance over the cosine-weighted hemisphere, irradiance / pi: elements by their share, holes by
-    /// their texels, normalised to one.
+    /// Mean of the incident radiance over the cosine-weighted hemisphere, irradiance / pi: elements by their share,
+    /// holes by their texels, normalised to one.
     #[must_use]
     pub fn mean_radiance(&self) -> Vec3 {
         let [near, far] = self.mean_radiance_by_distance();
@@ -212,7 +216,8 @@ impl Workspace {
         if weight > 0.0 { sum.map(|part| (part / weight).as_vec3()) } else { [Vec3::ZERO; 2] }
     }
 
-    /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's ray.
+    /// The texture that the point sees: each texel has the radiance of the element that fills it, or of its block's
+    /// ray.
     ///
     /// # Panics
     /// If `record` is not the one that was projected last.
@@ -232,8 +237,8 @@ impl Workspace {
         &self.texture
     }
 
-    /// Sum over the texels of [`Self::texture`] times `weights`, n x n: with f cos / pdf / n^2 as weights, the light that a
-    /// BRDF f reflects.
+    /// Sum over the texels of [`Self::texture`] times `weights`, n x n: with f cos / pdf / n^2 as weights, the light
+    /// that a BRDF f reflects.
     ///
     /// # Panics
     /// If there are not n x n weights, or `record` is not the one that was projected last.
@@ -301,7 +306,8 @@ impl Workspace {
         if self.is_narrow() { self.narrow.owner(i, j) } else { self.wide.owner(i, j) }
     }
 
-    /// Sees to it that results are asked of the record that they belong to: with another one they would be wrong, or have elements that it has not.
+    /// Sees to it that results are asked of the record that they belong to: with another one they would be wrong, or
+    /// have elements that it has not.
     #[track_caller]
     pub(crate) fn assert_projected(&self, record: &Record) {
         assert!(self.projected == Some(Mark::of(record)), "the record must be the one that was projected last");
@@ -325,7 +331,8 @@ impl Workspace {
     }
 }
 
-/// What tells a record from others: its place in bits, its resolution and the number of its elements. To compare all of it would cost as much as a result does.
+/// What tells a record from others: its place in bits, its resolution and the number of its elements. To compare all of
+/// it would cost as much as a result does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Mark {
     centre: [u32; 3],

@@ -78,7 +78,8 @@ fn ceiling_moves_by_its_parallax() {
     let mut workspace = Workspace::new();
     let shares = workspace.project(&record, Vec3A::X * s, Vec3A::Z, &Settings::default());
     assert_eq!(shares.unknown, 0.0, "a plane has no silhouette");
-    // Slivers open where the straight edge of a large block meets those of small ones on a curve: they cost rays, not error.
+    // Slivers open where the straight edge of a large block meets those of small ones on a curve: they cost rays, not
+    // error.
     assert!(shares.holes < 0.06, "{shares:?}");
     let single = RecordSettings { merge: MergeSettings { max_side: 1, ..MergeSettings::default() }, layers: 16 };
     let shares = workspace.project(&at_origin(half_lit, n, &single), Vec3A::X * s, Vec3A::Z, &Settings::default());
@@ -133,7 +134,8 @@ fn unknown_zone_of_two_planes() {
                     .collect();
                 let count = newly.iter().map(|row| row.count_ones()).sum::<u32>() as f32 / (n * n) as f32;
                 assert!((count - expected).abs() < 1.5 / n as f32, "as many bits as the formula says: {count}");
-                // Trails alone know it: elements leave it open here, but would fill it if there were anything more to see.
+                // Trails alone know it: elements leave it open here, but would fill it if there were anything more to
+                // see.
                 let missed: u32 = eroded(&newly, n)
                     .into_iter()
                     .zip(&workspace.masks().unknown)
@@ -148,8 +150,9 @@ fn unknown_zone_of_two_planes() {
                 println!(
                     "{trails:?}, margins {margins}, h2 = {h2}, n = {n}: unknown {unknown:.2}, holes {holes:.2} times the new; {missed} missed"
                 );
-                // The zone is a texel wide, and texels at its rim go to it whole. The whole way of a silhouette is, as the background follows it,
-                // h2 / (h2 - h1) times the new, which is 2, 1.33 and 1 here; a margin is as wide again at most.
+                // The zone is a texel wide, and texels at its rim go to it whole. The whole way of a silhouette is, as
+                // the background follows it, h2 / (h2 - h1) times the new, which is 2, 1.33 and 1 here; a margin is as
+                // wide again at most.
                 assert!(
                     shares.unknown <= limit * expected + 1.0 / n as f32,
                     "{trails:?}, h2 = {h2}, n = {n}: {unknown}"
@@ -159,7 +162,8 @@ fn unknown_zone_of_two_planes() {
     }
 }
 
-/// One ray a texel does not tell where in it a silhouette lies. Margins see to it that a surface which retreats is not too large for that.
+/// One ray a texel does not tell where in it a silhouette lies. Margins see to it that a surface which retreats is not
+/// too large for that.
 #[test]
 #[expect(clippy::print_stdout, reason = "the errors are figures to report, with --nocapture")]
 fn retreating_edges_leave_no_bias() {
@@ -306,7 +310,8 @@ fn far_things_keep_their_light() {
 #[test]
 #[expect(clippy::print_stdout, reason = "the errors are figures to report, with --nocapture")]
 fn uv_area_is_the_form_factor() {
-    // Elements on a sphere of radius 1 around the record, moved by 0.1. Medians are those of random elements, measured before.
+    // Elements on a sphere of radius 1 around the record, moved by 0.1. Medians are those of random elements, measured
+    // before.
     let look = |_, wi: Vec3A| (Vec3::ONE, 1.0, -wi);
     for (max_side, merge_all, median_limit, tail_limit) in
         [(1, false, 1.3e-3 * 1.2, 0.12), (4, true, 1.9e-2 * 1.2, 0.25)]

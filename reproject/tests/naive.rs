@@ -1,5 +1,5 @@
-//! The whole reprojection against one that asks of each texel, layer by layer, which polygons hold its centre: in doubles, by the map of `hemimap`, with no masks,
-//! no lanes and no short cuts.
+//! The whole reprojection against one that asks of each texel, layer by layer, which polygons hold its centre: in
+//! doubles, by the map of `hemimap`, with no masks, no lanes and no short cuts.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "texels are at most 64 x 64")]
 
@@ -67,7 +67,8 @@ fn rectangle([low, high]: [DVec2; 2]) -> Vec<DVec2> {
     vec![low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
 }
 
-/// Whether a polygon holds a point, that is, whether a ray from there meets the outline an odd number of times; nothing if rounding may decide.
+/// Whether a polygon holds a point, that is, whether a ray from there meets the outline an odd number of times; nothing
+/// if rounding may decide.
 fn holds(polygon: &[DVec2], p: DVec2) -> Option<bool> {
     let mut inside = false;
     for (k, &a) in polygon.iter().enumerate() {
@@ -203,7 +204,8 @@ fn hide(texels: &mut [Texel], hidden: Vec<(usize, bool)>) {
     }
 }
 
-/// The texels of a point whose surface has the normal `ng` in its own frame. And what all elements weigh, and that times their red light, unless rounding may have a part in it.
+/// The texels of a point whose surface has the normal `ng` in its own frame. And what all elements weigh, and that
+/// times their red light, unless rounding may have a part in it.
 fn reproject_naively(view: &View<'_>, record: &Record, ng: DVec3) -> (Vec<Texel>, Option<[f64; 2]>) {
     let (elements, n, settings) = (view.elements, view.n, view.settings);
     let count = (n * n) as f64;
@@ -268,7 +270,8 @@ fn reproject_naively(view: &View<'_>, record: &Record, ng: DVec3) -> (Vec<Texel>
                 AreaWeights::Bits => taken / count,
                 AreaWeights::Analytic if covered > 0.0 => area * taken / covered,
                 AreaWeights::Analytic => {
-                    // Smaller than a texel: it weighs by its area where its middle is open, or was filled by one of the last few layers.
+                    // Smaller than a texel: it weighs by its area where its middle is open, or was filled by one of the
+                    // last few layers.
                     let middle = quad.into_iter().sum::<DVec2>() / 4.0 * n as f64;
                     is_sure &= (middle - middle.round()).abs().min_element() > ROUNDING * n as f64;
                     let [i, j] = middle.to_array().map(|x| (x as usize).min(n - 1));

@@ -64,7 +64,8 @@ fn turning_the_frame_only_resamples() {
         let mut differing = 0;
         for j in 0..n {
             for i in 0..n {
-                // Along s' = t and t' = -s, texel (i, j) of the turned frame looks where (n-1-j, i) of the straight one does.
+                // Along s' = t and t' = -s, texel (i, j) of the turned frame looks where (n-1-j, i) of the straight one
+                // does.
                 let (x, y) = (a.texture(&straight)[i * n + n - 1 - j], b.texture(&side)[j * n + i]);
                 differing += usize::from(x != y);
             }

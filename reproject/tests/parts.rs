@@ -1,4 +1,5 @@
-//! The four parts of the hemisphere: a block before a wall, seen from beside, against what rays between both places tell.
+//! The four parts of the hemisphere: a block before a wall, seen from beside, against what rays between both places
+//! tell.
 
 mod rooms;
 
@@ -30,7 +31,8 @@ fn parts_are_those_that_rays_tell() {
     for (to, n) in [(Vec3A::X * 0.6, Vec3A::Z), (Vec3A::new(-0.4, 0.4, 0.0), Vec3A::new(0.3, 0.1, 1.0).normalize())] {
         workspace.project(&record, to, n, &Settings { margins: false, ..Settings::default() });
         let parts = workspace.parts(&record);
-        // What stands before what: the near plate seen where the far one was, the far one where the near one was, and what hides the far one from the record.
+        // What stands before what: the near plate seen where the far one was, the far one where the near one was, and
+        // what hides the far one from the record.
         let (mut near_moved, mut bared, mut opened) = (0.0, 0.0, 0.0);
         const SIDE: usize = 512;
         for k in 0..SIDE * SIDE {
@@ -49,7 +51,8 @@ fn parts_are_those_that_rays_tell() {
             opened += if was_seen { 0.0 } else { weight };
             bared += if was_seen && !is_near_now && was_near { weight } else { 0.0 };
         }
-        // Both are strips of a texel's width more or less along outlines that are four sides long, half of which matter.
+        // Both are strips of a texel's width more or less along outlines that are four sides long, half of which
+        // matter.
         let rim = 2.0 * 0.25 / N as f32;
         assert!((parts.bared - bared).abs() < rim, "{parts:?}, but bared {bared}");
         assert!(parts.opened > opened - rim && parts.opened < opened + 0.08, "{parts:?}, but opened {opened}");

@@ -139,7 +139,8 @@ fn weighted_sum_is_the_sum_over_the_texture() {
     assert!((found - expected).abs().max_element() < 1e-4 * expected.x, "{found} for {expected}");
 }
 
-/// A gap that no record outside can see into: there verification finds nearly everything wrong, elsewhere nearly nothing.
+/// A gap that no record outside can see into: there verification finds nearly everything wrong, elsewhere nearly
+/// nothing.
 #[test]
 fn verification_refuses_a_record_that_cannot_know() {
     // A floor under the sky, and a slab over its right half, 2 cm above it.

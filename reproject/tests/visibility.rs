@@ -134,7 +134,8 @@ fn layer_order_decides_occlusion() {
         covered += usize::from(covered_by_near);
         given_up += usize::from(covered_by_near && owner.is_none());
     }
-    // The block moved by three texels. Where its outline has steps, a side that moves along itself leaves a sliver that reaches into its neighbours.
+    // The block moved by three texels. Where its outline has steps, a side that moves along itself leaves a sliver that
+    // reaches into its neighbours.
     assert!(given_up * 5 < covered, "{given_up} of {covered} texels of the block are unknown");
 }
 
@@ -189,8 +190,9 @@ fn layers_equal_a_z_buffer() {
 #[expect(clippy::print_stdout, reason = "shares are figures to report, with --nocapture")]
 fn filled_bits_are_truly_visible() {
     let n = 32;
-    // Boxes of a texel's size in the clutter may lie between the rays of the record: nothing tells it of them. And where a surface ends before another that is hardly farther,
-    // no silhouette tells that an element four texels wide must not fill what it leaves.
+    // Boxes of a texel's size in the clutter may lie between the rays of the record: nothing tells it of them. And
+    // where a surface ends before another that is hardly farther, no silhouette tells that an element four texels wide
+    // must not fill what it leaves.
     let scenes = [
         ("cornell", Scene::cornell(), 0.03, 2),
         ("clutter", Scene::clutter(40), 0.06, 4),
@@ -268,7 +270,8 @@ fn visible_areas_and_holes_make_one() {
                 assert!(change.abs().max_element() < 1e-5, "constant light comes back: {change}");
             }
             assert!(sums.len() >= 10, "{name}, n = {n}: a record that does not reach anybody leaves no holes");
-            // Elements meet and end inside of texels, which belong to one of them: 3.2 % at most were seen, and 1.2 % in the mean.
+            // Elements meet and end inside of texels, which belong to one of them: 3.2 % at most were seen, and 1.2 %
+            // in the mean.
             assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 0.05), "{name}, n = {n}: {sums:?}");
             let mean = sums.iter().sum::<f32>() / sums.len() as f32;
             assert!((mean - 1.0).abs() < 0.02, "{name}, n = {n}: {mean} in the mean of {sums:?}");

@@ -15,7 +15,8 @@ pub(crate) struct Body {
     from_world: Option<Box<DAffine3>>,
 }
 
-/// Solids of so few forms and perturbations are moved as a whole to find the box of a copy, which is then tight; of others the box is moved.
+/// Solids of so few forms and perturbations are moved as a whole to find the box of a copy, which is then tight; of
+/// others the box is moved.
 const FEW: usize = 16;
 
 impl Body {

@@ -4,7 +4,8 @@ use glam::{UVec2, Vec2, Vec3, Vec3A};
 
 use crate::{Aabb, Ray};
 
-/// A pinhole camera; the right of the picture is forward x up, film coordinates run right and down from the upper left corner.
+/// A pinhole camera; the right of the picture is forward x up, film coordinates run right and down from the upper left
+/// corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// The pinhole, metres.
@@ -41,7 +42,8 @@ impl Camera {
     #[must_use]
     pub fn framing(bounds: Aabb) -> Self {
         let centre = bounds.centre();
-        // A view needs some distance, more than rounding takes from it far from the origin, also where there is nothing or a point.
+        // A view needs some distance, more than rounding takes from it far from the origin, also where there is nothing
+        // or a point.
         let least = if bounds.radius() > 0.0 { LEAST_RADIUS } else { 1.0 };
         let radius = bounds.radius().max(least).max(1e-5 * centre.abs().max_element());
         let distance = radius / (0.5 * DEFAULT_FOV.to_radians()).sin();
@@ -51,8 +53,8 @@ impl Camera {
 
     /// Returns the ray through a point of the film.
     ///
-    /// `film` is in pixels from the upper left corner, y down; the middle of a pixel is at + 0.5. `size` is the picture's size in
-    /// pixels, which are square.
+    /// `film` is in pixels from the upper left corner, y down; the middle of a pixel is at + 0.5. `size` is the
+    /// picture's size in pixels, which are square.
     #[inline]
     #[must_use]
     pub fn ray(&self, film: Vec2, size: UVec2) -> Ray {

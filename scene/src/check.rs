@@ -9,7 +9,8 @@ use crate::{
     BuildError, Description, Environment, FormObject, Material, Mesh, Noise, PunctualLight, SpecularKind, Texture,
 };
 
-/// Triangles, free forms, and vertices of each kind, at most: each for itself, so that primitives are numbered in less than 32 bits.
+/// Triangles, free forms, and vertices of each kind, at most: each for itself, so that primitives are numbered in less
+/// than 32 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 const MAX_MATERIALS: usize = 65_536;
 /// Farther coordinates would overflow f32 in the triangle test, whose products are of the third degree.
@@ -132,7 +133,8 @@ fn check_form(index: usize, form: &FormObject, materials: usize) -> Result<(), B
     problem.map_or(Ok(()), |what| Err(BuildError::Form { form: form.name.clone(), index, what }))
 }
 
-/// Whether a form with an end, or a copy of it, reaches beyond the largest coordinate. Of a form without one only the places of copies are known.
+/// Whether a form with an end, or a copy of it, reaches beyond the largest coordinate. Of a form without one only the
+/// places of copies are known.
 fn is_far(form: &FormObject) -> bool {
     let far = |p: DVec3| !p.is_finite() || p.abs().max_element() > f64::from(MAX_COORDINATE);
     let Bounds::Finite { min, max } = form.solid.bounds() else {

@@ -1,11 +1,13 @@
 //! Glass that stands on something: two surfaces in one place, of which rounding would choose by chance.
 //!
-//! A ray that leaves the glass there and is taken to have met the glass starts beyond what it stands on, and is lost; one that comes from below starts within the
-//! glass. So light would pass one way and not the other. What is opaque wins instead, as if it reached a little into the glass.
+//! A ray that leaves the glass there and is taken to have met the glass starts beyond what it stands on, and is lost;
+//! one that comes from below starts within the glass. So light would pass one way and not the other. What is opaque
+//! wins instead, as if it reached a little into the glass.
 
 use crate::{Aabb, Hit, Ray, Scene};
 
-/// Transparent surfaces that are passed in search for an opaque one: two triangles of one face meet in an edge, and so may two faces.
+/// Transparent surfaces that are passed in search for an opaque one: two triangles of one face meet in an edge, and so
+/// may two faces.
 const MOST_PASSED: usize = 4;
 /// Rounding of distances along rays, as a share of the largest coordinate: corners may lie so far away.
 const ROUNDING: f32 = 8.0 * f32::EPSILON;
@@ -13,7 +15,8 @@ const ROUNDING: f32 = 8.0 * f32::EPSILON;
 const LEAST_COSINE: f32 = 0.01;
 
 impl Scene {
-    /// Returns the opaque surface in the place of the glass that a ray leaves by `hit`, or `hit` where there is none or the ray enters.
+    /// Returns the opaque surface in the place of the glass that a ray leaves by `hit`, or `hit` where there is none or
+    /// the ray enters.
     #[cold]
     pub(crate) fn touched(&self, ray: &Ray, hit: Hit) -> Hit {
         let glass = self.surface(ray, &hit);

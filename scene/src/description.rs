@@ -1,6 +1,7 @@
 //! What a scene holds before it is built: plain data, as the readers give it and as a caller may write it.
 //!
-//! Everything is public and nothing is checked here; [`Scene::new`](crate::Scene::new) checks every number and index once.
+//! Everything is public and nothing is checked here; [`Scene::new`](crate::Scene::new) checks every number and index
+//! once.
 
 use freeform::Solid;
 use glam::{DAffine3, Vec2, Vec3};
@@ -28,7 +29,8 @@ pub struct Description {
 }
 
 impl Description {
-    /// Returns the box around all that has an end, as [`Scene::bounds`](crate::Scene::bounds); empty where nothing has. Triangles of zero area do not count.
+    /// Returns the box around all that has an end, as [`Scene::bounds`](crate::Scene::bounds); empty where nothing has.
+    /// Triangles of zero area do not count.
     ///
     /// ```
     /// use scene::{Description, Mesh, glam::Vec3};
@@ -91,8 +93,8 @@ pub struct FormObject {
     pub material: u32,
     /// How its texture coordinates are found; without it they are those of [`Solid::texture_coordinates`].
     pub projection: Option<Projection>,
-    /// Where copies of it stand: each carries the solid and its projection into the world, and is not singular. They share all that is derived from the solid. Without any the
-    /// solid stands once, where it is described.
+    /// Where copies of it stand: each carries the solid and its projection into the world, and is not singular. They
+    /// share all that is derived from the solid. Without any the solid stands once, where it is described.
     pub copies: Vec<DAffine3>,
 }
 
@@ -132,7 +134,8 @@ pub enum SpecularKind {
         alpha: f32,
         /// Constant factor, or reflectance at normal incidence where `schlick` is set.
         reflectance: Vec3,
-        /// Whether Schlick's Fresnel term raises the reflectance at grazing angles, to what the diffuse part beneath leaves of 1.
+        /// Whether Schlick's Fresnel term raises the reflectance at grazing angles, to what the diffuse part beneath
+        /// leaves of 1.
         schlick: bool,
     },
     /// A perfect mirror.
@@ -142,13 +145,15 @@ pub enum SpecularKind {
     },
     /// A smooth dielectric body; `diffuse` is not used.
     Dielectric {
-        /// Refractive index of the inside over that of the outside; over that of air, where priorities say that something else is outside.
+        /// Refractive index of the inside over that of the outside; over that of air, where priorities say that
+        /// something else is outside.
         ior: f32,
         /// Factor for light that passes the surface.
         tint: Vec3,
         /// Absorption coefficient inside, per metre.
         absorption: Vec3,
-        /// Which of overlapping bodies is there: the one of the highest. Where no material has another than 0, each boundary is taken for itself.
+        /// Which of overlapping bodies is there: the one of the highest. Where no material has another than 0, each
+        /// boundary is taken for itself.
         priority: i32,
     },
 }
@@ -208,8 +213,9 @@ impl Material {
         matches!(self.specular, SpecularKind::Mirror { .. } | SpecularKind::Dielectric { .. })
     }
 
-    /// Whether there is a diffuse part: not on glass, nor where the specular part leaves nothing. Textures and noise do not matter, although they may be
-    /// black in places; [`Bsdf::has_diffuse`](crate::Bsdf::has_diffuse) tells of one point.
+    /// Whether there is a diffuse part: not on glass, nor where the specular part leaves nothing. Textures and noise do
+    /// not matter, although they may be black in places; [`Bsdf::has_diffuse`](crate::Bsdf::has_diffuse) tells of one
+    /// point.
     ///
     /// ```
     /// use scene::{Material, SpecularKind, glam::Vec3};

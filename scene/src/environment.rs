@@ -36,8 +36,8 @@ impl Environment {
         Self { width: 1, height: 1, pixels: vec![radiance] }
     }
 
-    /// Returns an overcast sky for scenes that have no light: the CIE overcast distribution (1 + 2 sin elevation) / 3, of radiance 1 at
-    /// the zenith and a little bluish, over a ground of radiance 0.2.
+    /// Returns an overcast sky for scenes that have no light: the CIE overcast distribution (1 + 2 sin elevation) / 3,
+    /// of radiance 1 at the zenith and a little bluish, over a ground of radiance 0.2.
     #[must_use]
     pub fn sky() -> Self {
         const ROWS: u32 = 64;
@@ -116,8 +116,8 @@ pub(crate) fn direction_to_uv(direction: Vec3A) -> Vec2 {
     Vec2::new(if u < 0.0 { u + 1.0 } else { u }, v)
 }
 
-/// Returns the angle of (`x`, `y`) from the first axis, in [-pi, pi]; some angle where both are 0. Quicker than the platform's, and the same
-/// bits on all of them.
+/// Returns the angle of (`x`, `y`) from the first axis, in [-pi, pi]; some angle where both are 0. Quicker than the
+/// platform's, and the same bits on all of them.
 #[inline]
 fn atan2(y: f32, x: f32) -> f32 {
     let (across, along) = (y.abs(), x.abs());

@@ -23,7 +23,8 @@ pub struct Features {
     pub absorbing: bool,
     /// Surfaces with holes (`opacity` below 1 or masked).
     pub cut_outs: bool,
-    /// Surfaces that shine but are not among the lights that are sampled: free forms without bounds, which scene files do not allow.
+    /// Surfaces that shine but are not among the lights that are sampled: free forms without bounds, which scene files
+    /// do not allow.
     pub emissive_unsampled: bool,
     /// Triangles and free forms that shine and are sampled.
     pub area_lights: bool,

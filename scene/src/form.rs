@@ -35,8 +35,9 @@ pub(crate) struct FormPoint {
 /// Rounding of a position from f64 to f32, and a little for the root itself.
 const POSITION_ERROR: f32 = f32::EPSILON;
 
-/// After a crossing that is a hole the search goes on this share farther of t and of how far from the origin the ray starts, whose rounding may cross the surface time and again; and twice as far as before where it is
-/// met at once, as by a long ray that grazes it.
+/// After a crossing that is a hole the search goes on this share farther of t and of how far from the origin the ray
+/// starts, whose rounding may cross the surface time and again; and twice as far as before where it is met at once, as
+/// by a long ray that grazes it.
 const STEP: f64 = 1e-9;
 
 /// Returns the body of each copy; of the solid where it stands, if there is none.

@@ -3,8 +3,9 @@
 use crate::{Ray, Scene, Surface, mix};
 
 impl Scene {
-    /// Returns the surfaces that a ray passes by their holes (`opacity`, masks) before `end`, which is where [`intersect`](Self::intersect)
-    /// met something or infinite; the nearest first. Without surfaces with holes this is free.
+    /// Returns the surfaces that a ray passes by their holes (`opacity`, masks) before `end`, which is where
+    /// [`intersect`](Self::intersect) met something or infinite; the nearest first. Without surfaces with holes this is
+    /// free.
     ///
     /// What arrives at a surface arrives at its holes, too.
     ///
@@ -41,14 +42,16 @@ impl Scene {
     }
 }
 
-/// Returns the ray parameter from which on a ray that passes a surface at `t` looks for the next. The margin is for rays through the edge of
-/// two triangles, which may meet both; what is nearer behind one another than a millionth of `t` is passed together.
+/// Returns the ray parameter from which on a ray that passes a surface at `t` looks for the next. The margin is for
+/// rays through the edge of two triangles, which may meet both; what is nearer behind one another than a millionth of
+/// `t` is passed together.
 pub(crate) fn behind(t: f32) -> f32 {
     const MARGIN: f32 = 8.0 * f32::EPSILON;
     (t * (1.0 + MARGIN)).max(t.next_up())
 }
 
-/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on the place on it.
+/// Returns a number in [0, 1) that looks random and depends on the ray's origin and direction, on the primitive, and on
+/// the place on it.
 pub(crate) fn ray_hash(ray: &Ray, primitive: u32, place: u32) -> f32 {
     let [ox, oy, oz] = ray.origin.to_array().map(|x| u64::from(x.to_bits()));
     let [dx, dy, dz] = ray.direction.to_array().map(|x| u64::from(x.to_bits()));

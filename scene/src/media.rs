@@ -1,20 +1,22 @@
 //! The transparent bodies that a point lies in, and which of them is there where several overlap.
 //!
-//! Of overlapping bodies the one of the highest priority fills the place; the boundaries of weaker ones within it are no boundaries: rays pass them straight and
-//! only remember that they did. So water may reach into the wall of its glass, and the faces are air to glass, glass to water, water to air.
+//! Of overlapping bodies the one of the highest priority fills the place; the boundaries of weaker ones within it are
+//! no boundaries: rays pass them straight and only remember that they did. So water may reach into the wall of its
+//! glass, and the faces are air to glass, glass to water, water to air.
 //!
-//! A ray carries its bodies in four bytes. Scenes in which no body has a priority or absorbs number none of them: their rays
-//! carry zeros and nobody asks for more.
+//! A ray carries its bodies in four bytes. Scenes in which no body has a priority or absorbs number none of them: their
+//! rays carry zeros and nobody asks for more.
 //!
 //! # Source
-//! Schmidt, Budge 2002: Simple Nested Dielectrics in Ray Traced Images. Bodies of equal priority are not in their scheme; here they stay what they are without
-//! priorities: each boundary has the ratio that its own index says.
+//! Schmidt, Budge 2002: Simple Nested Dielectrics in Ray Traced Images. Bodies of equal priority are not in their
+//! scheme; here they stay what they are without priorities: each boundary has the ratio that its own index says.
 
 use glam::Vec3;
 
 use crate::{Material, SpecularKind};
 
-/// The transparent bodies in which a point lies, by their numbers: 0 is none. Of more than four the weakest is forgotten.
+/// The transparent bodies in which a point lies, by their numbers: 0 is none. Of more than four the weakest is
+/// forgotten.
 ///
 /// Rays outside of everything have [`Media::NONE`], and so have all in scenes where no body has a priority or absorbs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,10 +36,12 @@ impl Media {
         self.0[0] == 0
     }
 
-    /// Returns the bodies beyond a boundary, where `front` says that the body is entered there. Of a body that was never entered nothing is left.
+    /// Returns the bodies beyond a boundary, where `front` says that the body is entered there. Of a body that was
+    /// never entered nothing is left.
     pub(crate) fn beyond(mut self, medium: u8, front: bool) -> Self {
         if front {
-            // A free slot is 0, and numbers rise with priorities: the first of the least is the free one or the weakest.
+            // A free slot is 0, and numbers rise with priorities: the first of the least is the free one or the
+            // weakest.
             let (slot, least) = (0..).zip(self.0).min_by_key(|&(_, other)| other).unwrap_or_default();
             if least < medium {
                 self.0[slot] = 0;
@@ -96,8 +100,10 @@ impl MediumTable {
     /// Most transparent materials that can be numbered.
     pub(crate) const MAX: usize = 255;
 
-    /// Numbers the transparent materials where any has a priority, of which there are at most [`MediumTable::MAX`] then, or where one absorbs: what a ray meets within
-    /// glass has lost light on its way. (More than so many materials without priorities stay without numbers, and only faces that a ray meets from within tell of a way through glass.)
+    /// Numbers the transparent materials where any has a priority, of which there are at most [`MediumTable::MAX`]
+    /// then, or where one absorbs: what a ray meets within glass has lost light on its way. (More than so many
+    /// materials without priorities stay without numbers, and only faces that a ray meets from within tell of a way
+    /// through glass.)
     pub(crate) fn new(materials: &[Material]) -> Self {
         let medium = |material: &Material| match material.specular {
             SpecularKind::Dielectric { ior, absorption, priority, .. } => Some(Medium { ior, absorption, priority }),
@@ -144,7 +150,8 @@ impl MediumTable {
         self.filling(media).is_some_and(|filling| filling.priority > self.medium(number).priority)
     }
 
-    /// Returns the bodies before a boundary. A back that was met belongs to a body in which the ray was, whether or not it saw itself enter.
+    /// Returns the bodies before a boundary. A back that was met belongs to a body in which the ray was, whether or not
+    /// it saw itself enter.
     pub(crate) fn before(&self, media: Media, number: u8, front: bool) -> Media {
         if front || number == 0 || media.contains(number) { media } else { media.beyond(number, true) }
     }

@@ -1,6 +1,7 @@
 //! Bits that look random.
 
-/// Returns bits that look random and depend on all of `bits` (the finaliser of SplitMix64, Steele, Lea, Flood 2014); 0 stays 0.
+/// Returns bits that look random and depend on all of `bits` (the finaliser of SplitMix64, Steele, Lea, Flood 2014); 0
+/// stays 0.
 #[inline]
 pub(crate) const fn mixed(bits: u64) -> u64 {
     let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -11,7 +11,8 @@
 //! The factor for the diffuse albedo is low + (high - low) s with s cut to [0, 1].
 //!
 //! # Source
-//! Perlin 1985, An Image Synthesizer (solid noise and marble); 2002, Improving Noise (the quintic, as the crate `noise-functions` has it).
+//! Perlin 1985, An Image Synthesizer (solid noise and marble); 2002, Improving Noise (the quintic, as the crate
+//! `noise-functions` has it).
 
 use std::f32::consts::TAU;
 
@@ -23,7 +24,8 @@ use noise_functions::{Noise as _, Perlin, Sample as _};
 pub struct Noise {
     /// What is made of the noise.
     pub pattern: Pattern,
-    /// Size of the largest features along x, y and z, metres: the lattice of the first octave and the distance of sheets and rings.
+    /// Size of the largest features along x, y and z, metres: the lattice of the first octave and the distance of
+    /// sheets and rings.
     pub size: Vec3,
     /// Octaves, from 1 to [`Noise::MAX_OCTAVES`]; each is half as large and half as strong as the one before.
     pub octaves: u32,
@@ -48,7 +50,8 @@ pub enum Pattern {
     Wood,
 }
 
-/// Cells from the origin beyond which a place counts as this far: f32 then has three digits left within a cell, and after ten octaves the lattice still has numbers in i32.
+/// Cells from the origin beyond which a place counts as this far: f32 then has three digits left within a cell, and
+/// after ten octaves the lattice still has numbers in i32.
 const MAX_CELL: f32 = 1_048_576.0;
 
 impl Noise {
@@ -104,8 +107,8 @@ mod tests {
 
     #[test]
     fn colors_change_gently_within_a_cell() {
-        // The noise rises by 3.1 a cell along an axis (tried at 10^6 points), so by 5.4 at most; clouds by 1.5 times, waves by pi (1 + 0.5 5.4) = 12 a cell. The step is
-        // 3.5e-4 cells.
+        // The noise rises by 3.1 a cell along an axis (tried at 10^6 points), so by 5.4 at most; clouds by 1.5 times,
+        // waves by pi (1 + 0.5 5.4) = 12 a cell. The step is 3.5e-4 cells.
         for pattern in [Pattern::Clouds, Pattern::Marble, Pattern::Wood] {
             let noise = Noise { low: Vec3::ZERO, high: Vec3::ONE, ..noise(pattern) };
             for p in points() {

@@ -6,7 +6,8 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 
 /// A way to give the points of a body texture coordinates.
 ///
-/// The shape lies in a frame of its own, in which it is as [`ProjectionShape`] says, and `placement` carries that frame into the world.
+/// The shape lies in a frame of its own, in which it is as [`ProjectionShape`] says, and `placement` carries that frame
+/// into the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     /// The shape from which pictures are projected.
@@ -20,16 +21,17 @@ pub struct Projection {
 pub enum ProjectionShape {
     /// (u, v) = (x, y), the same for all z.
     Planar,
-    /// As a globe: u is the right-handed angle about +y from -z over 2 pi, so that the picture's middle is at +z and not mirrored as seen from outside; v is the angle from -y over
-    /// pi.
+    /// As a globe: u is the right-handed angle about +y from -z over 2 pi, so that the picture's middle is at +z and
+    /// not mirrored as seen from outside; v is the angle from -y over pi.
     Spherical,
-    /// From the sides of a cube of edge 1 about the origin, each with one picture: that side whose normal is nearest to the body's. None is mirrored as seen from outside; the four
-    /// sides around y stand upright.
+    /// From the sides of a cube of edge 1 about the origin, each with one picture: that side whose normal is nearest to
+    /// the body's. None is mirrored as seen from outside; the four sides around y stand upright.
     Box,
 }
 
 impl Projection {
-    /// Returns planar coordinates: (u, v) is (a, b) at `origin + a right + b up`, and the same along the line across both. `None` where the two are parallel.
+    /// Returns planar coordinates: (u, v) is (a, b) at `origin + a right + b up`, and the same along the line across
+    /// both. `None` where the two are parallel.
     #[must_use]
     pub fn planar(origin: DVec3, right: DVec3, up: DVec3) -> Option<Self> {
         let normal = right.cross(up).try_normalize()?;
@@ -37,8 +39,8 @@ impl Projection {
         Some(Self { shape: ProjectionShape::Planar, placement })
     }
 
-    /// Returns the coordinates of a globe about `center` whose upper pole is towards `axis` and whose middle meridian is as near to `front` as it can be. `None`
-    /// where the two are parallel.
+    /// Returns the coordinates of a globe about `center` whose upper pole is towards `axis` and whose middle meridian
+    /// is as near to `front` as it can be. `None` where the two are parallel.
     #[must_use]
     pub fn spherical(center: DVec3, axis: DVec3, front: DVec3) -> Option<Self> {
         let y = axis.try_normalize()?;
@@ -47,7 +49,8 @@ impl Projection {
         Some(Self { shape: ProjectionShape::Spherical, placement })
     }
 
-    /// Returns the coordinates from the sides of a cube; each picture is `size` metres wide and high, one in the middle of each side.
+    /// Returns the coordinates from the sides of a cube; each picture is `size` metres wide and high, one in the middle
+    /// of each side.
     #[must_use]
     pub fn cube(center: DVec3, size: f64) -> Self {
         let placement = DAffine3::from_scale_rotation_translation(DVec3::splat(size), glam::DQuat::IDENTITY, center);
@@ -156,7 +159,8 @@ mod tests {
     #[test]
     fn the_sides_of_a_cube_are_upright_and_not_mirrored() {
         let projection = Projection::cube(DVec3::new(1.0, 1.0, 1.0), 2.0);
-        // Over each side: its normal, and the direction to the right as seen from outside with y (with -z above, z below) upwards.
+        // Over each side: its normal, and the direction to the right as seen from outside with y (with -z above, z
+        // below) upwards.
         for (n, right, up) in [
             (DVec3::X, -DVec3::Z, DVec3::Y),
             (-DVec3::X, DVec3::Z, DVec3::Y),

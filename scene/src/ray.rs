@@ -6,8 +6,8 @@ use crate::Media;
 
 /// A half line in world space, valid for ray parameters in (`t_min`, `t_max`).
 ///
-/// A ray whose direction is far from unit length (its square outside [0.5, 2], NaN included), or whose origin is not finite,
-/// hits nothing.
+/// A ray whose direction is far from unit length (its square outside [0.5, 2], NaN included), or whose origin is not
+/// finite, hits nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Where the ray starts, metres.
@@ -20,7 +20,8 @@ pub struct Ray {
     pub t_max: f32,
     /// The transparent bodies in which it starts.
     pub media: Media,
-    /// Index of the triangle on which it starts and which it does not meet again, or [`Ray::NOWHERE`]. A free form may be met again.
+    /// Index of the triangle on which it starts and which it does not meet again, or [`Ray::NOWHERE`]. A free form may
+    /// be met again.
     pub from: u32,
 }
 
@@ -28,7 +29,8 @@ impl Ray {
     /// The ray starts on no triangle.
     pub const NOWHERE: u32 = u32::MAX;
 
-    /// Returns the ray from `origin` along the unit vector `direction`, without an end and outside of transparent bodies.
+    /// Returns the ray from `origin` along the unit vector `direction`, without an end and outside of transparent
+    /// bodies.
     #[inline]
     #[must_use]
     pub fn new(origin: Vec3A, direction: Vec3A) -> Self {

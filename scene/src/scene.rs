@@ -18,7 +18,8 @@ use crate::{
     Surface, Target, Texture,
 };
 
-/// A scene, checked and ready: geometry in a tree, materials, lights and camera. It never changes, so threads share it freely.
+/// A scene, checked and ready: geometry in a tree, materials, lights and camera. It never changes, so threads share it
+/// freely.
 #[derive(Debug)]
 pub struct Scene {
     triangles: Triangles,
@@ -41,11 +42,12 @@ pub struct Scene {
 impl Scene {
     /// Checks a description and builds the scene.
     ///
-    /// Triangles of zero area stay in the numbering of primitives but are never hit. Without a camera the whole scene is framed.
+    /// Triangles of zero area stay in the numbering of primitives but are never hit. Without a camera the whole scene
+    /// is framed.
     ///
     /// # Errors
-    /// If a number is not finite or out of its range, an index does not exist, or there is more than can be numbered; the
-    /// message names the mesh or material and the index.
+    /// If a number is not finite or out of its range, an index does not exist, or there is more than can be numbered;
+    /// the message names the mesh or material and the index.
     pub fn new(description: Description) -> Result<Self, BuildError> {
         check::check(&description)?;
         let Description { meshes, forms, materials, textures, lights, environment, camera } = description;
@@ -98,8 +100,8 @@ impl Scene {
 
     /// Returns the nearest hit in the ray's range; boundaries within a transparent body of higher priority are passed.
     ///
-    /// Where a surface is there in part only (`opacity`, masks), a hash of the ray and the place decides, so that the same ray
-    /// always gives the same answer.
+    /// Where a surface is there in part only (`opacity`, masks), a hash of the ray and the place decides, so that the
+    /// same ray always gives the same answer.
     #[inline]
     #[must_use]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
@@ -155,8 +157,8 @@ impl Scene {
         }
     }
 
-    /// Returns the transparent bodies in which a point lies, the outermost first: those that a ray from there leaves and has not entered. None
-    /// where no material has a priority or absorbs.
+    /// Returns the transparent bodies in which a point lies, the outermost first: those that a ray from there leaves
+    /// and has not entered. None where no material has a priority or absorbs.
     #[must_use]
     pub fn media_at(&self, p: Vec3A) -> Media {
         let mut media = Media::NONE;
@@ -194,10 +196,11 @@ impl Scene {
 
     /// Returns the point that a ray met.
     ///
-    /// Both normals are turned to the side that the ray came from. An interpolated normal that would still point away from the
-    /// viewer is tilted until it just does not, so that the cosine with the viewer is always positive. Directions that a [`Bsdf`] gives are
-    /// above the shading normal's horizon and may yet be below the geometric one: [`Surface::spawn`] then starts inside the body, and the ray ends in
-    /// the dark. [`Surface::is_above`] tells so before.
+    /// Both normals are turned to the side that the ray came from. An interpolated normal that would still point away
+    /// from the viewer is tilted until it just does not, so that the cosine with the viewer is always positive.
+    /// Directions that a [`Bsdf`] gives are above the shading normal's horizon and may yet be below the geometric one:
+    /// [`Surface::spawn`] then starts inside the body, and the ray ends in the dark. [`Surface::is_above`] tells so
+    /// before.
     #[inline]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
@@ -296,8 +299,9 @@ impl Scene {
         }
     }
 
-    /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray was within an absorbing dielectric. (In scenes of more than
-    /// 255 dielectrics without priorities that is known where it ended at a face of one from within.)
+    /// Returns the share of the light that is left after the way to `surface`, by Beer's law: less than 1 where the ray
+    /// was within an absorbing dielectric. (In scenes of more than 255 dielectrics without priorities that is known
+    /// where it ended at a face of one from within.)
     #[inline]
     #[must_use]
     pub fn transmittance(&self, surface: &Surface) -> Vec3 {
@@ -317,8 +321,8 @@ impl Scene {
         }
     }
 
-    /// Returns the share of the light that is left after `distance` metres within transparent bodies; all of it after an infinite distance, for what
-    /// is seen there is the sky.
+    /// Returns the share of the light that is left after `distance` metres within transparent bodies; all of it after
+    /// an infinite distance, for what is seen there is the sky.
     #[inline]
     #[must_use]
     pub fn transmittance_within(&self, media: Media, distance: f32) -> Vec3 {
@@ -341,8 +345,8 @@ impl Scene {
         &self.lights
     }
 
-    /// Returns spheres around all surfaces of the materials that are wanted, for photons to be sent there; around the whole scene where one of these surfaces has no
-    /// bounds.
+    /// Returns spheres around all surfaces of the materials that are wanted, for photons to be sent there; around the
+    /// whole scene where one of these surfaces has no bounds.
     ///
     /// # Example
     ///
@@ -381,7 +385,8 @@ impl Scene {
         &self.camera
     }
 
-    /// Returns the camera's ray through a point of the film (see [`Camera::ray`]), in the transparent bodies in which the eye lies.
+    /// Returns the camera's ray through a point of the film (see [`Camera::ray`]), in the transparent bodies in which
+    /// the eye lies.
     #[inline]
     #[must_use]
     pub fn camera_ray(&self, film: Vec2, size: UVec2) -> Ray {
@@ -425,7 +430,8 @@ impl Scene {
         &self.materials
     }
 
-    /// Time that the tables for choosing lights took, seconds: a part of rendering that is done here, once for all pictures.
+    /// Time that the tables for choosing lights took, seconds: a part of rendering that is done here, once for all
+    /// pictures.
     #[must_use]
     pub fn light_seconds(&self) -> f64 {
         self.light_seconds

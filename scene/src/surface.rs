@@ -1,7 +1,8 @@
 //! A point of a surface as a ray met it, and the rays that leave it.
 //!
-//! A hit point is rounded, so a ray that starts there may hit the very surface it leaves. `p` is therefore interpolated from the
-//! corners (not taken from `t`), its distance from the true surface is bounded, and rays start beyond that bound on the side to which they go.
+//! A hit point is rounded, so a ray that starts there may hit the very surface it leaves. `p` is therefore interpolated
+//! from the corners (not taken from `t`), its distance from the true surface is bounded, and rays start beyond that
+//! bound on the side to which they go.
 //!
 //! # Source
 //! Pharr, Jakob, Humphreys 2023: Physically Based Rendering, 4th edition, 6.8.4 to 6.8.6.
@@ -17,9 +18,11 @@ pub struct Surface {
     pub p: Vec3A,
     /// Geometric unit normal, on the side that the ray came from.
     pub ng: Vec3A,
-    /// Shading unit normal: in the hemisphere of `ng`, and never turned from the viewer (see [`Scene::surface`](crate::Scene::surface)).
+    /// Shading unit normal: in the hemisphere of `ng`, and never turned from the viewer (see
+    /// [`Scene::surface`](crate::Scene::surface)).
     pub n: Vec3A,
-    /// Whether the ray met the front: the side from which a triangle's corners are counter-clockwise, the outside of a free form.
+    /// Whether the ray met the front: the side from which a triangle's corners are counter-clockwise, the outside of a
+    /// free form.
     pub front: bool,
     /// Texture coordinates.
     pub uv: Vec2,
@@ -33,7 +36,8 @@ pub struct Surface {
     pub p_error: f32,
     /// The transparent bodies on the side that the ray came from.
     pub media: Media,
-    /// Number of the transparent body that has its boundary here; 0 for none, and where no body of the scene has a priority or absorbs.
+    /// Number of the transparent body that has its boundary here; 0 for none, and where no body of the scene has a
+    /// priority or absorbs.
     pub medium: u8,
 }
 
@@ -44,8 +48,8 @@ pub(crate) const SHADOW_MARGIN: f32 = 1e-4;
 const MIN_COSINE: f32 = 1e-3;
 
 impl Surface {
-    /// Returns a ray from this point along the unit vector `direction`, started on the side of the surface to which it goes. It does not meet the triangle that it
-    /// leaves.
+    /// Returns a ray from this point along the unit vector `direction`, started on the side of the surface to which it
+    /// goes. It does not meet the triangle that it leaves.
     #[inline]
     #[must_use]
     pub fn spawn(&self, direction: Vec3A) -> Ray {
@@ -68,7 +72,8 @@ impl Surface {
         Ray { origin, direction, t_min: 0.0, t_max, media, from: self.primitive }
     }
 
-    /// Returns a ray towards what [`Lights::sample`](crate::Lights::sample) chose: it ends just before `distance`, which may be infinite.
+    /// Returns a ray towards what [`Lights::sample`](crate::Lights::sample) chose: it ends just before `distance`,
+    /// which may be infinite.
     #[inline]
     #[must_use]
     pub fn shadow_ray(&self, wi: Vec3A, distance: f32) -> Ray {
@@ -99,8 +104,8 @@ impl Surface {
 
     /// Turns the shading normal just enough that the viewer at `wo` (unit, on the side of `ng`) sees its front.
     ///
-    /// Interpolated normals may point away from a viewer who looks along the surface. The normal then becomes the nearest one
-    /// whose cosine with `wo` is `MIN_COSINE`; it changes continuously as the viewer moves.
+    /// Interpolated normals may point away from a viewer who looks along the surface. The normal then becomes the
+    /// nearest one whose cosine with `wo` is `MIN_COSINE`; it changes continuously as the viewer moves.
     #[inline]
     pub(crate) fn face(n: Vec3A, ng: Vec3A, wo: Vec3A) -> Vec3A {
         let cosine = n.dot(wo);
@@ -113,7 +118,8 @@ impl Surface {
     }
 }
 
-/// Returns `p` moved along the normal to the side to which `direction` points, by just more than its error along the normal.
+/// Returns `p` moved along the normal to the side to which `direction` points, by just more than its error along the
+/// normal.
 #[inline]
 pub(crate) fn offset(p: Vec3A, ng: Vec3A, p_error: f32, direction: Vec3A) -> Vec3A {
     let offset = if direction.dot(ng) < 0.0 { -ng } else { ng } * p_error;

@@ -1,7 +1,7 @@
 //! Pictures on surfaces.
 //!
-//! Coordinates repeat; v = 0 is the lowest row; texel centres are at (i + 1/2) / size. 8-bit colours are sRGB and become linear
-//! before the bilinear filter, so that a filtered colour is the mean of light and not of codes.
+//! Coordinates repeat; v = 0 is the lowest row; texel centres are at (i + 1/2) / size. 8-bit colours are sRGB and
+//! become linear before the bilinear filter, so that a filtered colour is the mean of light and not of codes.
 
 use glam::{Vec2, Vec3};
 
@@ -97,7 +97,8 @@ impl Texture {
         }
     }
 
-    /// Whether it is black wherever the coordinates lie between `least` and `most`. Where that are many texels they are not looked at: then it may not be.
+    /// Whether it is black wherever the coordinates lie between `least` and `most`. Where that are many texels they are
+    /// not looked at: then it may not be.
     pub(crate) fn is_black_between(&self, least: Vec2, most: Vec2) -> bool {
         const MOST_TEXELS: i64 = 4096;
         let size = Vec2::new(self.width as f32, self.height as f32);
@@ -124,7 +125,8 @@ impl Texture {
         }
     }
 
-    /// Returns bounds of all channels of all texels, linear: of 8-bit codes those that they can have, else the least and the greatest value; NaN if any is.
+    /// Returns bounds of all channels of all texels, linear: of 8-bit codes those that they can have, else the least
+    /// and the greatest value; NaN if any is.
     pub(crate) fn range(&self) -> (f32, f32) {
         self.range
     }

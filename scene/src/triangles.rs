@@ -29,7 +29,8 @@ pub(crate) struct TrianglePoint {
     pub(crate) p_error: f32,
 }
 
-/// Rounding of an interpolated position, as a share of the sum of its terms: pbrt's gamma(7) and as much again, for two corners' positions.
+/// Rounding of an interpolated position, as a share of the sum of its terms: pbrt's gamma(7) and as much again, for two
+/// corners' positions.
 const POSITION_ERROR: f32 = 7.0 * f32::EPSILON;
 
 impl Triangles {

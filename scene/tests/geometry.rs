@@ -49,7 +49,8 @@ fn met(scene: &Scene, ray: &Ray) -> Surface {
 
 #[test]
 fn offset_does_not_change_the_picture() {
-    // A slope of ten squares that do not lie on f32 numbers, moved ever farther: no ray to the open sky is stopped by what it leaves.
+    // A slope of ten squares that do not lie on f32 numbers, moved ever farther: no ray to the open sky is stopped by
+    // what it leaves.
     let normal = Vec3::new(0.3, 0.9, -0.2).normalize();
     let u = normal.any_orthonormal_vector() * 10.0;
     let v = normal.cross(u);
@@ -84,7 +85,8 @@ fn grazing_rays_neither_leak_nor_hit_what_they_leave() {
         for _ in 0..2000 {
             let (sin, cos) = (std::f32::consts::TAU * random.next()).sin_cos();
             let down = Vec3A::new(cos, -angle, sin).normalize();
-            // From so low that the floor is met within it; at 1e-6 a height of 1e-5 is some hundred units in the last place.
+            // From so low that the floor is met within it; at 1e-6 a height of 1e-5 is some hundred units in the last
+            // place.
             let height = 10.0 * angle;
             let origin = Vec3A::new(20.0 * (random.next() - 0.5), 0.1 + height, 20.0 * (random.next() - 0.5));
             let ray = Ray::new(origin, down);

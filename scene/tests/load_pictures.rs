@@ -170,7 +170,8 @@ fn alpha_of_an_exr_is_a_mask() {
 
 #[test]
 fn an_exr_is_what_its_display_window_shows() {
-    // Pixels of 4 x 3 from (-1, 1) on, shown from (0, 0) to (4, 4): the first column is cut, a row above and a column on the right are black.
+    // Pixels of 4 x 3 from (-1, 1) on, shown from (0, 0) to (4, 4): the first column is cut, a row above and a column
+    // on the right are black.
     let list = ["R", "G", "B"].map(|name| AnyChannel::new(name, FlatSamples::F32((1..=12u8).map(f32::from).collect())));
     let attributes = LayerAttributes { layer_position: Size(-1, 1), ..LayerAttributes::default() };
     let layer = Layer::new((4, 3), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(list.into_iter().collect()));

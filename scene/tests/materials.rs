@@ -162,7 +162,8 @@ fn samples_follow_their_pdf() {
                     cells += 1;
                 }
             }
-            // Mean and deviation of chi-squared: k and sqrt(2 k); 5 deviations, for one number of each sample is stratified and the quadrature rounds.
+            // Mean and deviation of chi-squared: k and sqrt(2 k); 5 deviations, for one number of each sample is
+            // stratified and the quadrature rounds.
             let limit = f64::from(cells) + 5.0 * (2.0 * f64::from(cells)).sqrt();
             assert!(cells > 5 && statistic < limit, "{bsdf:?}, {degrees} degrees: {statistic} of {cells} cells");
         }

@@ -1,4 +1,5 @@
-//! Transparent bodies: slabs one behind the other, and slabs that overlap, against the series of their internal reflections.
+//! Transparent bodies: slabs one behind the other, and slabs that overlap, against the series of their internal
+//! reflections.
 
 use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{BuildError, Camera, Description, Hit, Material, Media, Mesh, Ray, Scene, SpecularKind};
@@ -28,7 +29,8 @@ fn built(slabs: &[(f32, f32)], materials: Vec<Material>) -> Scene {
         .expect("a right scene")
 }
 
-/// Follows all branches of the tree of reflections until they carry nothing; returns the shares of the flux that leave downwards and upwards.
+/// Follows all branches of the tree of reflections until they carry nothing; returns the shares of the flux that leave
+/// downwards and upwards.
 fn shares(scene: &Scene, ray: Ray) -> [f64; 2] {
     let mut found = [0.0f64; 2];
     let mut todo = vec![(ray, 1.0)];
@@ -58,8 +60,8 @@ fn from_above(degrees: f32) -> Ray {
     Ray::new(-4.0 * direction / cos, direction)
 }
 
-/// Returns the shares that pass through layers and that they send back. A layer is its index and its absorption times thickness; light comes from `index`
-/// at the sine `sin` times 1, and leaves into air.
+/// Returns the shares that pass through layers and that they send back. A layer is its index and its absorption times
+/// thickness; light comes from `index` at the sine `sin` times 1, and leaves into air.
 fn through_layers(index: f64, sin: f64, layers: &[(f64, f64)]) -> [f64; 2] {
     let cos = |n: f64| (1.0 - (sin / n).powi(2)).sqrt();
     let reflectance = |a: f64, b: f64| {
@@ -127,7 +129,8 @@ fn overlapping_slabs_are_layers_by_priority() {
 
 #[test]
 fn rays_that_start_within_bodies_know_them() {
-    // The eye is in the water, and so is half of a plate of glass above it; below is a basin of glass into which the water reaches.
+    // The eye is in the water, and so is half of a plate of glass above it; below is a basin of glass into which the
+    // water reaches.
     let scene = built(
         &[(-2.0, 0.0), (-0.2, 0.3), (-9.0, -1.0)],
         vec![glass(1.33, 0.5, 0), glass(1.5, 0.8, 1), glass(1.5, 0.8, 1)],

@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-/// Returns the irradiance at `p` with unit normal `n` from a convex polygon of radiance 1, W m^-2, whichever way that looks.
+/// Returns the irradiance at `p` with unit normal `n` from a convex polygon of radiance 1, W m^-2, whichever way that
+/// looks.
 ///
 /// What lies below the horizon is clipped away first. Angles come from `atan2`, so short edges lose no digits.
 ///

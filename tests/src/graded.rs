@@ -27,10 +27,11 @@ impl Graded {
     }
 }
 
-/// Returns two half-planes of `albedo` that meet in the y axis at an angle of `degrees` and end at `end`, under a sky of 1, seen from inside at
-/// `distance` from the seam and `elevation` degrees over one of them.
+/// Returns two half-planes of `albedo` that meet in the y axis at an angle of `degrees` and end at `end`, under a sky
+/// of 1, seen from inside at `distance` from the seam and `elevation` degrees over one of them.
 ///
-/// E = pi (1 - cos phi) / 2 / (1 - rho (1 + cos phi) / 2) at every distance d from the seam. That the planes end makes d / (2 `end`) of it wrong.
+/// E = pi (1 - cos phi) / 2 / (1 - rho (1 + cos phi) / 2) at every distance d from the seam. That the planes end makes
+/// d / (2 `end`) of it wrong.
 #[must_use]
 pub fn wedge(degrees: f32, albedo: f32, end: f32, distance: f32, elevation: f32) -> Graded {
     let (sin, cos) = degrees.to_radians().sin_cos();
@@ -50,7 +51,8 @@ pub fn wedge(degrees: f32, albedo: f32, end: f32, distance: f32, elevation: f32)
     Graded::new(builder, move |_| rho * irradiance / PI)
 }
 
-/// Returns a floor of albedo 0.5 under a black roof at `height`, open to a sky of 1 at x = 0, seen from inside, one metre behind the opening.
+/// Returns a floor of albedo 0.5 under a black roof at `height`, open to a sky of 1 at x = 0, seen from inside, one
+/// metre behind the opening.
 ///
 /// E = pi (1 - d / sqrt(d^2 + h^2)) / 2 at the depth d.
 #[must_use]
@@ -66,7 +68,8 @@ pub fn slit(height: f32) -> Graded {
     Graded::new(builder, move |p| 0.25 * (1.0 - p.x / p.x.hypot(f64::from(height))))
 }
 
-/// Returns a floor of albedo 0.5 half under a black half-plane at height 1 that hides x < 0 of a sky of 1, all moved by `offset` along each axis.
+/// Returns a floor of albedo 0.5 half under a black half-plane at height 1 that hides x < 0 of a sky of 1, all moved by
+/// `offset` along each axis.
 ///
 /// E = pi (1 + x / sqrt(1 + x^2)) / 2.
 #[must_use]
@@ -83,7 +86,8 @@ pub fn half_sky(offset: f32) -> Graded {
     Graded::new(builder, move |p| 0.25 * (1.0 + (p.x - edge) / (p.x - edge).hypot(1.0)))
 }
 
-/// Returns a white floor and a ball of `radius` that shines on it from a distance of 2, 45 degrees from the normal, with a flux that does not depend on the radius.
+/// Returns a white floor and a ball of `radius` that shines on it from a distance of 2, 45 degrees from the normal,
+/// with a flux that does not depend on the radius.
 ///
 /// E = cos 45 / 4 below the middle for every radius.
 #[must_use]

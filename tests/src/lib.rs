@@ -1,5 +1,5 @@
-//! Helpers that the tests of facts across crates share: scenes built in a line, small pictures of them, closed forms and the statistics by
-//! which one is compared with the other.
+//! Helpers that the tests of facts across crates share: scenes built in a line, small pictures of them, closed forms
+//! and the statistics by which one is compared with the other.
 #![forbid(unsafe_code)]
 
 mod build;

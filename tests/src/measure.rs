@@ -147,7 +147,8 @@ pub struct Measured {
     pub mean: f64,
     /// Standard error of `mean` from the spread over all pixels and seeds. It holds where pixels are independent.
     pub standard_error: f64,
-    /// Largest deviation from 1 of the mean of a block of 4 x 4 pixels over the seeds: single pixels of small pictures are noise.
+    /// Largest deviation from 1 of the mean of a block of 4 x 4 pixels over the seeds: single pixels of small pictures
+    /// are noise.
     pub worst: f64,
     method: Method,
 }
@@ -161,8 +162,8 @@ pub fn print(text: &str) {
 }
 
 impl Measured {
-    /// Asserts that the mean is 1 but for noise: 4.5 standard errors (p = 7e-6), which are at most 0.5 % in themselves, or the test
-    /// would say nothing. Where there is no noise, f32 leaves 1e-5.
+    /// Asserts that the mean is 1 but for noise: 4.5 standard errors (p = 7e-6), which are at most 0.5 % in themselves,
+    /// or the test would say nothing. Where there is no noise, f32 leaves 1e-5.
     ///
     /// # Panics
     /// If it is not.

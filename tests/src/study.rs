@@ -93,15 +93,16 @@ fn read_exr(path: &Path) -> Vec<Vec3> {
     image.unwrap_or_else(|error| panic!("{}: {error}", path.display())).layer_data.channel_data.pixels
 }
 
-/// Relative difference that is not noise: `env.exr` was resampled from the rows that the reference's renderer looks up (`data/study/README.md`). At the horizon of
-/// `atrium-env` that leaves 4e-4, the same in every picture.
+/// Relative difference that is not noise: `env.exr` was resampled from the rows that the reference's renderer looks up
+/// (`data/study/README.md`). At the horizon of `atrium-env` that leaves 4e-4, the same in every picture.
 const FILTERING: f64 = 4e-4;
 
 /// How far the mean of independent pictures is from a reference, in standard errors, over square blocks of pixels.
 ///
-/// The error of a block comes from the spread of its pixels over the pictures and from the variance of the reference. With
-/// k pictures and blocks of b pixels it has about (k - 1) b degrees of freedom, so that z is nearly normal if the tails are not heavy. Blocks
-/// through which the sky is seen have hardly any spread; what two renderers make of its texels differs there, for which `FILTERING` allows.
+/// The error of a block comes from the spread of its pixels over the pictures and from the variance of the reference.
+/// With k pictures and blocks of b pixels it has about (k - 1) b degrees of freedom, so that z is nearly normal if the
+/// tails are not heavy. Blocks through which the sky is seen have hardly any spread; what two renderers make of its
+/// texels differs there, for which `FILTERING` allows.
 #[derive(Debug, Clone, Copy)]
 pub struct Blocks {
     /// Largest |z| over all blocks and channels.

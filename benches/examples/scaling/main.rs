@@ -1,7 +1,8 @@
 //! How cost grows: with the pixels, with the triangles and with the threads, as tables in Markdown.
 //!
-//! `cargo run --release -p benches --example scaling [pixels|triangles|threads]... [FILE.svg]`, all tables without a name; about five minutes on two
-//! cores. FILE.svg becomes the chart of time and memory against triangles, both logarithmic.
+//! `cargo run --release -p benches --example scaling [pixels|triangles|threads]... [FILE.svg]`, all tables without a
+//! name; about five minutes on two cores. FILE.svg becomes the chart of time and memory against triangles, both
+//! logarithmic.
 
 mod pixels;
 mod relief;

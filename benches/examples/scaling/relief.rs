@@ -1,4 +1,5 @@
-//! A room of rough stone with three boulders in it, of as many triangles as are asked for: always the same look, ever finer.
+//! A room of rough stone with three boulders in it, of as many triangles as are asked for: always the same look, ever
+//! finer.
 
 use glam::{Vec3, Vec3A};
 use hemimap::Frame;

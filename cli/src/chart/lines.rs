@@ -63,7 +63,8 @@ pub(crate) struct Line {
 /// When a line comes down to an error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Reached {
-    /// After so many seconds, between two measured points. `stays` is false where a later point lies above the error again.
+    /// After so many seconds, between two measured points. `stays` is false where a later point lies above the error
+    /// again.
     At { seconds: f64, stays: bool },
     /// The cheapest picture is better already.
     Before { seconds: f64 },
@@ -135,12 +136,14 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 impl Line {
-    /// Returns when the line first comes down to `error`: straight between measured points where both axes are logarithmic.
+    /// Returns when the line first comes down to `error`: straight between measured points where both axes are
+    /// logarithmic.
     ///
-    /// What `path` would take is extrapolated, as the error of independent samples falls as one over their number; nobody knows
-    /// that of a method with a bias.
+    /// What `path` would take is extrapolated, as the error of independent samples falls as one over their number;
+    /// nobody knows that of a method with a bias.
     pub(crate) fn reach(&self, error: f64, measure: Measure) -> Reached {
-        // A point at its floor has at most that error: it shows that a larger one was reached, and nothing of a smaller one.
+        // A point at its floor has at most that error: it shows that a larger one was reached, and nothing of a smaller
+        // one.
         if error < self.floors[usize::from(measure == Measure::Robust)] {
             return Reached::Unknowable;
         }

@@ -25,12 +25,13 @@ use crate::view::pool;
 /// Pixels of a scene that asks for no size.
 const DEFAULT_SIZE: UVec2 = UVec2::splat(256);
 
-/// Chart error against time: each method renders each scene at several qualities, and each picture is measured against a
-/// converged reference.
+/// Chart error against time: each method renders each scene at several qualities, and each picture is measured against
+/// a converged reference.
 ///
-/// Writes chart.csv (a row a picture), SCENE.svg (a chart a scene) and chart.md (times to an error, with ratios) to a folder. A
-/// scene's reference is `reference.exr` beside it with its variance in `variance.exr`; where there is none, the path tracer makes
-/// one, which is kept in the folder for the next time. Times leave out loading and the tree of boxes.
+/// Writes chart.csv (a row a picture), SCENE.svg (a chart a scene) and chart.md (times to an error, with ratios) to a
+/// folder. A scene's reference is `reference.exr` beside it with its variance in `variance.exr`; where there is none,
+/// the path tracer makes one, which is kept in the folder for the next time. Times leave out loading and the tree of
+/// boxes.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ChartArgs {
     /// Scenes (.toml with a camera, or .obj)
@@ -55,7 +56,8 @@ pub(crate) struct ChartArgs {
     /// Width and height in pixels [default: the scene's, or 256x256]
     #[arg(long, value_name = "WxH", value_parser = args::size, allow_hyphen_values = true)]
     size: Option<UVec2>,
-    /// Renderings at each quality, each with a seed of its own: the median of their times and the mean of their errors count
+    /// Renderings at each quality, each with a seed of its own: the median of their times and the mean of their errors
+    /// count
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000),
           allow_hyphen_values = true)]
     repeat: u32,
@@ -75,8 +77,8 @@ pub(crate) struct ChartArgs {
     /// Threads [default: one for each processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
     threads: Option<u16>,
-    /// Rows to add (CSV of another chart or of another program): scene, method, quality, seconds, relmse and robust at least;
-    /// may be given several times, and alone it draws charts anew
+    /// Rows to add (CSV of another chart or of another program): scene, method, quality, seconds, relmse and robust at
+    /// least; may be given several times, and alone it draws charts anew
     #[arg(long, value_name = "FILE.csv")]
     add: Vec<PathBuf>,
 }
@@ -138,7 +140,8 @@ impl ChartArgs {
         Ok(qualities)
     }
 
-    /// Loads all scenes and the references that there are, so that what is wrong with one is told before another is rendered.
+    /// Loads all scenes and the references that there are, so that what is wrong with one is told before another is
+    /// rendered.
     fn load(&self) -> Result<Vec<Job>, Failure> {
         let mut jobs: Vec<Job> = Vec::new();
         for path in &self.scenes {

@@ -1,4 +1,5 @@
-//! Hostile files: each is loaded or refused in one line, within ten seconds and 512 MB, and what is refused leaves nothing.
+//! Hostile files: each is loaded or refused in one line, within ten seconds and 512 MB, and what is refused leaves
+//! nothing.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
-//! Crossings of a ray with a tree of any psi, for all forms whose coefficients differ by a relative share: by ranges of the tree's function and of
-//! its slope on stretches that are halved, all of it written anew from the definitions of psi. Silent where that does not settle it.
+//! Crossings of a ray with a tree of any psi, for all forms whose coefficients differ by a relative share: by ranges of
+//! the tree's function and of its slope on stretches that are halved, all of it written anew from the definitions of
+//! psi. Silent where that does not settle it.
 
 use freeform::{Operation, Psi};
 
@@ -50,8 +51,8 @@ impl Graph {
         Self { value: -self.value, slope: -self.slope }
     }
 
-    /// Returns psi of two. Psi rises with both, so its ends are those of ends; its slope is a sum of theirs, by shares that are functions of their
-    /// values.
+    /// Returns psi of two. Psi rises with both, so its ends are those of ends; its slope is a sum of theirs, by shares
+    /// that are functions of their values.
     fn union(psi: Psi, f: Self, g: Self) -> Self {
         let (value, shares) = match psi {
             Psi::Maximum => {
@@ -121,7 +122,8 @@ fn about(tree: &RawTree, leaves: &[Leaf], m: f64, h: Range) -> Graph {
     }
 }
 
-/// Returns the crossings and the sides of both ends of a finite ray where all forms agree; writes between which ray parameters each crossing is.
+/// Returns the crossings and the sides of both ends of a finite ray where all forms agree; writes between which ray
+/// parameters each crossing is.
 pub(crate) fn find(
     tree: &RawTree,
     forms: &[RawForm],

@@ -117,7 +117,8 @@ pub(crate) fn to_integers(p: &[Dyadic]) -> Vec<BigInt> {
     p[..length].iter().map(|c| if zero(c) { BigInt::zero() } else { c.at_exponent(exponent) }).collect()
 }
 
-/// The chain of Sturm of a polynomial: the number of distinct real roots in (a, b] is the loss of sign variations from a to b.
+/// The chain of Sturm of a polynomial: the number of distinct real roots in (a, b] is the loss of sign variations from
+/// a to b.
 pub(crate) struct Sturm(Vec<Vec<BigInt>>);
 
 impl Sturm {

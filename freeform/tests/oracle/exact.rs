@@ -8,11 +8,12 @@ use num_traits::{Signed, Zero};
 use super::dyadic::{Dyadic, Polynomial, Sturm, add, multiply, to_integers, value};
 use super::{Counted, RawForm, RawRay};
 
-/// Bits after the point in the enclosures of breaks; the second where the first leave it open. Twice the bits take twice the time, and 72 are
-/// enough for nearly all rays.
+/// Bits after the point in the enclosures of breaks; the second where the first leave it open. Twice the bits take
+/// twice the time, and 72 are enough for nearly all rays.
 const BREAK_BITS: [i64; 2] = [72, 160];
 
-/// Returns the number of crossings and the sides of both ends; `None` where a root lies within 2^-160 of a break or an end, or two breaks do of each other.
+/// Returns the number of crossings and the sides of both ends; `None` where a root lies within 2^-160 of a break or an
+/// end, or two breaks do of each other.
 pub(crate) fn count(form: &RawForm, ray: &RawRay) -> Option<Counted> {
     BREAK_BITS.into_iter().find_map(|bits| count_with(form, ray, bits))
 }
@@ -70,7 +71,8 @@ fn count_with(form: &RawForm, ray: &RawRay, break_bits: i64) -> Option<Counted> 
     Some(counted)
 }
 
-/// Returns the number of roots in (a, b): by exact Bernstein signs where they settle it after some halvings, else by Sturm's chain. `None` where a cut is a root.
+/// Returns the number of roots in (a, b): by exact Bernstein signs where they settle it after some halvings, else by
+/// Sturm's chain. `None` where a cut is a root.
 fn roots_between(p: &[Dyadic], a: &Dyadic, b: &Dyadic, depth: u32) -> Option<i32> {
     const HALVINGS: u32 = 12;
     match variations_on(p, a, b) {

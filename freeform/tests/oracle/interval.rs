@@ -1,4 +1,5 @@
-//! Crossings counted in f64 intervals for all forms whose coefficients differ by a relative 1e-14: quick, and silent where that does not settle it.
+//! Crossings counted in f64 intervals for all forms whose coefficients differ by a relative 1e-14: quick, and silent
+//! where that does not settle it.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -319,7 +320,8 @@ fn settled(coefficients: &[Range]) -> Option<i32> {
     (changes <= 1).then_some(changes)
 }
 
-/// Returns the number of roots between two places where the sign is known, and the sign at the second; writes between which numbers each root is.
+/// Returns the number of roots between two places where the sign is known, and the sign at the second; writes between
+/// which numbers each root is.
 fn count_on(
     base: Quadratic,
     bumps: &Bumps<'_>,

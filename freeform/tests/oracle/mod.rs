@@ -16,7 +16,8 @@ pub(crate) struct RawForm {
 }
 
 impl RawForm {
-    /// Returns a copy to every coefficient and factor of which a share of it is added; to a coefficient of 0, of the largest.
+    /// Returns a copy to every coefficient and factor of which a share of it is added; to a coefficient of 0, of the
+    /// largest.
     pub(crate) fn changed(&self, mut share: impl FnMut() -> f64) -> Self {
         let mut quadric = |q: &[f64; 10]| {
             let largest = q.iter().fold(0.0_f64, |m, c| m.max(c.abs()));

@@ -1,8 +1,8 @@
 //! Trees of set operations: what the crate finds is what an oracle finds, and where.
 //!
-//! Of sets that is a plain sweep over the crossings of the parts, of which each is known between two numbers; of blends, which have no crossings of
-//! parts, ranges of the tree's own function. Every ray is also traced through the tree at another scale (a power of two) and far from the origin, where it
-//! must find the same.
+//! Of sets that is a plain sweep over the crossings of the parts, of which each is known between two numbers; of
+//! blends, which have no crossings of parts, ranges of the tree's own function. Every ray is also traced through the
+//! tree at another scale (a power of two) and far from the origin, where it must find the same.
 
 use freeform::{FreeForm, Perturbation, Psi, Quadric, Ray, Solid};
 use glam::DVec3;
@@ -16,17 +16,20 @@ const RAYS_A_TREE: u64 = 20;
 const GRID: f64 = 1.0 / (1 << 30) as f64;
 /// Coefficients may be off by this share.
 const SPREAD: f64 = 1e-13;
-/// So far from the origin by this one, for rays there are rounded to 10^-12 of the size, and the crate allows for some such roundings.
+/// So far from the origin by this one, for rays there are rounded to 10^-12 of the size, and the crate allows for some
+/// such roundings.
 const FAR_SPREAD: f64 = 1e-9;
 /// The crate takes crossings for touching that are less apart than this.
 const APART: f64 = 1e-10;
-/// Found crossings are this near to where they are bracketed. A ray that lies in a surface but for rounding, as along a line of a cone, has wider brackets.
+/// Found crossings are this near to where they are bracketed. A ray that lies in a surface but for rounding, as along a
+/// line of a cone, has wider brackets.
 const NEAR: f64 = 1e-9;
 
 /// Crossings of a ray, and between which ray parameters each of them is.
 type Found = (Counted, Vec<(f64, f64)>);
 
-/// Returns what a sweep finds, `None` where crossings of different forms cannot be told apart or a form's are not settled.
+/// Returns what a sweep finds, `None` where crossings of different forms cannot be told apart or a form's are not
+/// settled.
 fn swept(tree: &RawTree, forms: &[RawForm], ray: &RawRay, spread: f64) -> Option<Found> {
     let (mut events, mut inside, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     let mut found = Vec::new();
@@ -202,7 +205,8 @@ fn blends_match_ranges_of_their_function() {
 
 #[test]
 fn rays_that_used_up_their_stretches_once_are_settled() {
-    // Rounding hid the sign for 10^-8 of a ray, in more stretches than a ray may have, and the crossing behind was put half a metre off.
+    // Rounding hid the sign for 10^-8 of a ray, in more stretches than a ray may have, and the crossing behind was put
+    // half a metre off.
     let mut tally = Tally::default();
     tally.tree(11_583, Kind::Blends);
     assert!(tally.settled > 10, "{tally:?}");

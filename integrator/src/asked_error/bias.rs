@@ -1,8 +1,8 @@
 //! The relative bias of the pixels of a picture, by classes of their noise.
 //!
-//! Pixels in which the passes agree to the last bits show sources or nothing, and mostly have no bias either; of the others the quieter half and the noisier half are
-//! told apart. In each class all pixels that paths verify count alike: weights by their noise would favour those that have no bias, and those whose paths missed
-//! what is bright.
+//! Pixels in which the passes agree to the last bits show sources or nothing, and mostly have no bias either; of the
+//! others the quieter half and the noisier half are told apart. In each class all pixels that paths verify count alike:
+//! weights by their noise would favour those that have no bias, and those whose paths missed what is bright.
 
 use super::Z_SQ;
 
@@ -86,7 +86,8 @@ impl ClassBias {
         single
     }
 
-    /// What the mean square may well be, that and one standard error; but what is hardly known is not to keep the error from being reached that was `asked`.
+    /// What the mean square may well be, that and one standard error; but what is hardly known is not to keep the error
+    /// from being reached that was `asked`.
     pub(super) fn most(&self, asked: f32) -> f32 {
         /// The standard error is at most this share of what may be.
         const CAUTION: f32 = 0.25;

@@ -46,7 +46,8 @@ impl Controls {
         Self { seed, groups: 0, rays: RayCounts::default(), pixels: pixels.collect() }
     }
 
-    /// Measures the bias of the picture: traces more paths until it is known `well` enough, or as many as the rays allow that passes took.
+    /// Measures the bias of the picture: traces more paths until it is known `well` enough, or as many as the rays
+    /// allow that passes took.
     pub(super) fn verify(
         &mut self,
         scene: &Scene,

@@ -1,17 +1,21 @@
-//! A picture of an error that is asked for: passes are added until the error that they tell of themselves is small enough.
+//! A picture of an error that is asked for: passes are added until the error that they tell of themselves is small
+//! enough.
 //!
-//! Each pass is a whole picture with records, cells and photons of its own. So the passes are independent, and their spread holds all noise, that of a
-//! record which a whole patch of the picture shares included. What they have in common, the bias of caches and of photons, no number of
-//! passes shows; it is measured by paths at some pixels, which verify the picture without sharing anything with it.
+//! Each pass is a whole picture with records, cells and photons of its own. So the passes are independent, and their
+//! spread holds all noise, that of a record which a whole patch of the picture shares included. What they have in
+//! common, the bias of caches and of photons, no number of passes shows; it is measured by paths at some pixels, which
+//! verify the picture without sharing anything with it.
 //!
-//! With weights w of the passes, x a pixel's value in each, m their mean, and B^2 the mean square of the relative bias of pixels about as noisy, and one standard error of that (or a quarter of what may be, if that is less),
+//! With weights w of the passes, x a pixel's value in each, m their mean, and B^2 the mean square of the relative bias
+//! of pixels about as noisy, and one standard error of that (or a quarter of what may be, if that is less),
 //!
 //! ```text
 //! s^2 = sum of w^2 (x - m)^2 / (sum of w)^2 * n / (n - 1)
 //! error = sqrt(t^2 s^2 / D^2 + z^2 B^2),     D^2 = m^2 + 0.01 (bright / 0.8)^2
 //! ```
-//! where n = (sum of w)^2 / sum of w^2 is the number of passes if they counted alike, s^2 / D^2 is averaged over 3 x 3 pixels, `bright` is the
-//! 90th percentile of the picture, and t and z the quantiles of Student's and of the normal distribution that are exceeded in one of 20 cases. D is the denominator of relMSE.
+//! where n = (sum of w)^2 / sum of w^2 is the number of passes if they counted alike, s^2 / D^2 is averaged over 3 x 3
+//! pixels, `bright` is the 90th percentile of the picture, and t and z the quantiles of Student's and of the normal
+//! distribution that are exceeded in one of 20 cases. D is the denominator of relMSE.
 
 mod bias;
 mod controls;
@@ -33,17 +37,21 @@ pub const ERROR_RANGE: (f32, f32) = (0.001, 1.0);
 
 /// Share of the pixels whose error must be as small as was asked.
 const WANTED_SHARE: f32 = 0.95;
-/// Passes of one quality: four make a round. The first round takes about the time of a picture of the quality of the settings.
+/// Passes of one quality: four make a round. The first round takes about the time of a picture of the quality of the
+/// settings.
 const PASSES: u32 = 4;
 /// The square of the quantile of the normal distribution that is exceeded in one of 20 cases, either way.
 const Z_SQ: f32 = 1.96 * 1.96;
-/// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough; and at least that part of it.
+/// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough;
+/// and at least that part of it.
 const GROWTH: f32 = 4.0;
 const MAX_ROUNDS: u32 = 12;
-/// Paths verify until the standard error of the square of the bias is this share of what it may be, or of the noise beside which it stands.
+/// Paths verify until the standard error of the square of the bias is this share of what it may be, or of the noise
+/// beside which it stands.
 const CERTAINTY: f32 = 0.1;
-/// Where the bias alone is about as large as what was asked, so many times it, and passes of [`GROWTH`] times the quality leave more than this share of it, in so many rounds one after the other, more of them are in
-/// vain: it is light that paths or caches do not see at all, such as that of a point lamp behind glass.
+/// Where the bias alone is about as large as what was asked, so many times it, and passes of [`GROWTH`] times the
+/// quality leave more than this share of it, in so many rounds one after the other, more of them are in vain: it is
+/// light that paths or caches do not see at all, such as that of a point lamp behind glass.
 const HOPELESS: f32 = 0.85;
 const STALLED: f32 = 0.8;
 const MAX_STALLED: u32 = 2;
@@ -55,7 +63,8 @@ pub struct ErrorEstimate {
     pub relative: Vec<f32>,
     /// Share of the pixels where that is at most what was asked for.
     pub share: f32,
-    /// Root mean square of the relative bias over the picture, as paths found it; 0 for [`Method::Path`], which has none.
+    /// Root mean square of the relative bias over the picture, as paths found it; 0 for [`Method::Path`], which has
+    /// none.
     pub bias: f32,
     /// Pictures that were averaged.
     pub passes: u32,
@@ -63,8 +72,9 @@ pub struct ErrorEstimate {
     pub is_reached: bool,
 }
 
-/// Makes a picture whose relative error is at most `error` in 95 % of the pixels, as far as it can tell: see [`ErrorEstimate`]. The settings' quality
-/// is that of the first round of passes; `spp` is ignored. Deterministic, as [`render`](crate::render).
+/// Makes a picture whose relative error is at most `error` in 95 % of the pixels, as far as it can tell: see
+/// [`ErrorEstimate`]. The settings' quality is that of the first round of passes; `spp` is ignored. Deterministic, as
+/// [`render`](crate::render).
 ///
 /// # Errors
 ///
@@ -140,8 +150,8 @@ pub fn render_to_error(
     }
 }
 
-/// The quantile of Student's distribution that is exceeded in one of 20 cases, either way (Cornish and Fisher's expansion; 2 % too small for 4 degrees
-/// of freedom).
+/// The quantile of Student's distribution that is exceeded in one of 20 cases, either way (Cornish and Fisher's
+/// expansion; 2 % too small for 4 degrees of freedom).
 fn student(degrees: f32) -> f32 {
     1.96 + (2.372 + 2.822 / degrees) / degrees
 }

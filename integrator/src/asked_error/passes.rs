@@ -114,8 +114,8 @@ impl Measure {
         ErrorEstimate { relative, share, bias: bias.mean_sq.sqrt(), passes, is_reached: share >= WANTED_SHARE }
     }
 
-    /// How many times less noise all but 5 % of the pixels would have to have beside a bias of this mean square, which may depend on their noise; infinite where that alone is too
-    /// much.
+    /// How many times less noise all but 5 % of the pixels would have to have beside a bias of this mean square, which
+    /// may depend on their noise; infinite where that alone is too much.
     pub(super) fn excess(&self, bias_sq: impl Fn(f32) -> f32, asked: f32) -> f32 {
         let t_sq = self.quantile_sq();
         let excess = |&noise_sq: &f32| {
@@ -129,8 +129,8 @@ impl Measure {
         sorted[place]
     }
 
-    /// The square of the multiple of its deviation by which one pixel of 20 is off: two of the nine pixels that are averaged count as independent, for neighbours share
-    /// records.
+    /// The square of the multiple of its deviation by which one pixel of 20 is off: two of the nine pixels that are
+    /// averaged count as independent, for neighbours share records.
     fn quantile_sq(&self) -> f32 {
         let independent = self.mean.len().min(2) as f32;
         student(independent * (self.alike - 1.0)).powi(2)

@@ -1,4 +1,5 @@
-//! What one pixel of a picture is off by: the estimate of [`render_to_error`](crate::render_to_error) after its first round, beside the pixel's own light by paths.
+//! What one pixel of a picture is off by: the estimate of [`render_to_error`](crate::render_to_error) after its first
+//! round, beside the pixel's own light by paths.
 
 use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
@@ -25,11 +26,13 @@ pub struct PixelEstimate {
     pub error: f32,
     /// Standard deviation by noise, averaged over 3 x 3 pixels.
     pub noise: f32,
-    /// Root mean square of the bias of pixels that are about as noisy, as paths through 256 pixels of the whole picture found it; 0 for [`Method::Path`], which has none.
+    /// Root mean square of the bias of pixels that are about as noisy, as paths through 256 pixels of the whole picture
+    /// found it; 0 for [`Method::Path`], which has none.
     pub bias: f32,
     /// What the noise of those paths can feign: the root of the standard error of the square of [`Self::bias`].
     pub bias_noise: f32,
-    /// The radiance to which errors are relative, W m^-2 sr^-1: sqrt(m^2 + 0.01 (b / 0.8)^2), for the pixel's radiance m and the 90th percentile b of the picture.
+    /// The radiance to which errors are relative, W m^-2 sr^-1: sqrt(m^2 + 0.01 (b / 0.8)^2), for the pixel's radiance
+    /// m and the 90th percentile b of the picture.
     pub scale: f32,
     /// The pixel's radiance by paths, W m^-2 sr^-1.
     pub reference: Vec3,
@@ -39,8 +42,9 @@ pub struct PixelEstimate {
     pub paths: u32,
 }
 
-/// Estimates the error of one pixel of the picture that [`render`](crate::render) makes with these settings. Takes about the time of two pictures: four of a quarter of the
-/// quality, whose mean is about as good as that picture, tell the noise, paths through some of their pixels the bias. Deterministic, as `render`.
+/// Estimates the error of one pixel of the picture that [`render`](crate::render) makes with these settings. Takes
+/// about the time of two pictures: four of a quarter of the quality, whose mean is about as good as that picture, tell
+/// the noise, paths through some of their pixels the bias. Deterministic, as `render`.
 ///
 /// # Errors
 ///

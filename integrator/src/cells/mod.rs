@@ -1,19 +1,22 @@
-//! A radiosity solution on cells of the surfaces that gather rays meet: all the light of a diffuse surface by one look-up.
+//! A radiosity solution on cells of the surfaces that gather rays meet: all the light of a diffuse surface by one
+//! look-up.
 //!
-//! Probe paths from the picture find the surfaces that count. They are divided into cells, cubes of a grid times six directions of
-//! the normal. Each cell holds a few points; from these, light sampling gives its direct light, and cosine-distributed rays link
-//! it to the cells that they meet, through mirrors, glass and gloss. The system of the links,
+//! Probe paths from the picture find the surfaces that count. They are divided into cells, cubes of a grid times six
+//! directions of the normal. Each cell holds a few points; from these, light sampling gives its direct light, and
+//! cosine-distributed rays link it to the cells that they meet, through mirrors, glass and gloss. The system of the
+//! links,
 //!
 //! ```text
 //! E_i = D_i + sum_j W_ij E_j,     W_ij = throughput x albedo_j / number of rays of i
 //! ```
 //!
-//! is solved by iteration. A ray that meets no cell goes on as a path, so no light is lost. Unlike a density of photons this has no
-//! edges to be dark at, and costs no photon that does not reach the picture.
+//! is solved by iteration. A ray that meets no cell goes on as a path, so no light is lost. Unlike a density of photons
+//! this has no edges to be dark at, and costs no photon that does not reach the picture.
 //!
 //! # Source
-//! Cohen, Greenberg 1985 for the system; Binder, Fricke, Keller 2018, "Fast path space filtering by jittered spatial hashing", for
-//! the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one may fall behind a wall.
+//! Cohen, Greenberg 1985 for the system; Binder, Fricke, Keller 2018, "Fast path space filtering by jittered spatial
+//! hashing", for the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one
+//! may fall behind a wall.
 
 mod solve;
 mod table;
@@ -39,16 +42,18 @@ const PROBE_BOUNCES: u32 = 3;
 /// Width of a cell as a share of the median distance of what gather rays meet.
 const WIDTH_SHARE: f32 = 0.06;
 
-/// Points that stand for a cell, and those that must see each other for it to hold one light; the two outermost come on top.
+/// Points that stand for a cell, and those that must see each other for it to hold one light; the two outermost come on
+/// top.
 const MAX_POINTS: usize = 4;
 const MAX_WITNESSES: usize = 12;
 
 /// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
 const MAX_WALK: u32 = 64;
 
-/// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own cell; no link has more throughput. Radiance that
-/// leaves a medium rises by the square of its refractive index, 5.9 in diamond, so hardly anything else comes to this bound: what is within a body of a higher index
-/// gets too little of the light outside. And of the eight rays of a cell or more one cannot bring more light than the cell sent.
+/// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own
+/// cell; no link has more throughput. Radiance that leaves a medium rises by the square of its refractive index, 5.9 in
+/// diamond, so hardly anything else comes to this bound: what is within a body of a higher index gets too little of the
+/// light outside. And of the eight rays of a cell or more one cannot bring more light than the cell sent.
 const MAX_THROUGHPUT: f32 = 6.0;
 
 /// How far a surface may be out of what the probes met of its cell, along the normal, as a share of the width.
@@ -72,7 +77,8 @@ struct Cell {
     light: CellLight,
 }
 
-/// The layer of space that the surface of a cell lies in. Behind it there may be another sheet of the same key, with quite other light.
+/// The layer of space that the surface of a cell lies in. Behind it there may be another sheet of the same key, with
+/// quite other light.
 #[derive(Debug, Clone, Copy)]
 struct Slab {
     normal: Vec3,
@@ -83,7 +89,8 @@ struct Slab {
 }
 
 impl Slab {
-    /// Returns the slab that holds surfaces and `margin` metres beyond them, and the numbers of the lowest and the highest surface along its normal.
+    /// Returns the slab that holds surfaces and `margin` metres beyond them, and the numbers of the lowest and the
+    /// highest surface along its normal.
     fn around<'a>(surfaces: impl Iterator<Item = &'a Surface> + Clone, margin: f32) -> (Self, [usize; 2]) {
         let normal: Vec3 = surfaces.clone().map(|surface| surface.ng).sum::<Vec3A>().normalize_or(Vec3A::Y).into();
         let mut range = [(f32::INFINITY, 0), (f32::NEG_INFINITY, 0)];
@@ -153,7 +160,8 @@ impl CellBuilder<'_> {
         cells
     }
 
-    /// Diffuse surfaces that paths from the picture meet, those of each probe by themselves; with each, whether it is the first of its path.
+    /// Diffuse surfaces that paths from the picture meet, those of each probe by themselves; with each, whether it is
+    /// the first of its path.
     fn probe(&self, size: UVec2, rays: &mut RayCounts) -> Vec<Vec<(Shading, bool)>> {
         map_counting((0..PROBE_SIDE * PROBE_SIDE).into_par_iter(), rays, |number, rays| {
             let mut found = Vec::new();
@@ -183,7 +191,8 @@ impl CellBuilder<'_> {
         }
     }
 
-    /// Follows a ray through mirrors, glass and gloss to the first surface with a diffuse part, as long as some light comes along.
+    /// Follows a ray through mirrors, glass and gloss to the first surface with a diffuse part, as long as some light
+    /// comes along.
     fn to_diffuse(&self, mut ray: Ray, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<Shading> {
         let mut beta = Vec3::ONE;
         for _ in 0..MAX_WALK {
@@ -249,7 +258,8 @@ impl CellBuilder<'_> {
         row
     }
 
-    /// Whether some neighbours among the points of a cell do not see each other just above the surface: a wall stands on it.
+    /// Whether some neighbours among the points of a cell do not see each other just above the surface: a wall stands
+    /// on it.
     fn is_divided(&self, witnesses: &[Shading], width: f32) -> bool {
         /// Height of the lines of sight as a share of the width of the cell.
         const HEIGHT: f32 = 0.1;
@@ -265,7 +275,8 @@ impl CellBuilder<'_> {
 /// What is known of a cell before its light.
 struct Found {
     key: u64,
-    /// The first hits in it, then the two that are farthest apart along its normal where that is more than two margins of its slab.
+    /// The first hits in it, then the two that are farthest apart along its normal where that is more than two margins
+    /// of its slab.
     witnesses: Vec<Shading>,
     slab: Slab,
 }
@@ -328,7 +339,8 @@ impl Cells {
         self.cells.len() * size_of::<Cell>() + self.table.slots.len() * size_of::<u64>()
     }
 
-    /// The light of the cell of a surface; `None` where there is no cell, one that something divides, or one of another sheet.
+    /// The light of the cell of a surface; `None` where there is no cell, one that something divides, or one of another
+    /// sheet.
     pub(crate) fn look_up(&self, surface: &Surface) -> Option<Known> {
         let CellLight { direct, indirect, .. } = self.cells[self.cell_of(surface)? as usize].light;
         Some(Known { direct: Some(direct), indirect, resolution: RESOLUTION_FACTOR * self.width })
@@ -377,7 +389,8 @@ fn white(point: &Shading) -> Shading {
     Shading { bsdf: Bsdf { diffuse: Vec3::ONE, specular: Specular::None }, ..*point }
 }
 
-/// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Its upper bits are never 0.
+/// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Its upper bits are
+/// never 0.
 fn key(surface: &Surface, width: f32) -> u64 {
     let cube: IVec3 = (surface.p / width).floor().as_ivec3();
     let side = side_of(surface.ng) as u64;

@@ -33,8 +33,9 @@ pub(super) struct Row {
     pub(super) rays: RayCounts,
 }
 
-/// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to come, unless light goes to
-/// and fro between two sides: there, what is added at once takes the iteration away from its end, and so is given up as soon as it has not helped.
+/// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to
+/// come, unless light goes to and fro between two sides: there, what is added at once takes the iteration away from its
+/// end, and so is given up as soon as it has not helped.
 pub(super) fn solve(rows: &[Row]) -> Vec<CellLight> {
     let mut indirect: Vec<Vec3> = vec![Vec3::ZERO; rows.len()];
     let mut last_change = f64::INFINITY;

@@ -3,8 +3,8 @@
 /// Keys to numbers in their order, by open addressing.
 #[derive(Debug, Default)]
 pub(super) struct Table {
-    /// The upper 40 bits of a key above its number, so that a cache line has eight; 0 is a free slot. For one picture in some 100,000 a place without a cell
-    /// is taken for one that has the same bits and slot.
+    /// The upper 40 bits of a key above its number, so that a cache line has eight; 0 is a free slot. For one picture
+    /// in some 100,000 a place without a cell is taken for one that has the same bits and slot.
     pub(super) slots: Vec<u64>,
 }
 

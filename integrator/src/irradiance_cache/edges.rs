@@ -1,28 +1,31 @@
 //! Derivatives of irradiance from the texels of one gather.
 //!
-//! When the point of view moves, texels gain and lose light over the edges between them, and what one gains the other loses: only
-//! the difference of their radiances matters, and where that is 0 nothing does. An edge belongs to the nearer of the two surfaces, which
-//! hides the other: it lies in the tangent plane of what that texel's ray met, and stays there. What a movement in the tangent
-//! plane sweeps of it, weighted by the cosine, is
+//! When the point of view moves, texels gain and lose light over the edges between them, and what one gains the other
+//! loses: only the difference of their radiances matters, and where that is 0 nothing does. An edge belongs to the
+//! nearer of the two surfaces, which hides the other: it lies in the tangent plane of what that texel's ray met, and
+//! stays there. What a movement in the tangent plane sweeps of it, weighted by the cosine, is
 //!
 //! ```text
 //! (E / pi)'   =  sum over edges of (L_left - L_right) f',     f'  = c / pi  integral of (n . r) / |r|^4
 //! (E / pi)''  =  sum over edges of (L_left - L_right) f'',    f'' = 2 / pi  (c m + m c),   m = integral of (n . r) r / |r|^6
 //! ```
 //!
-//! with r = r0 + t (r1 - r0) and c = r0 x r1, tangential parts of both, t from 0 to 1. f'' is the symmetric part of the derivative of
-//! f': in a sum around a polygon the rest cancels. Lambert's sum over edges has the same derivatives around a polygon, but not edge by
-//! edge: its terms at the ends of edges cancel only if all edges that meet there move as one, which they do not where a near
-//! texel adjoins a far one, nor on the horizon. Here edges on the horizon give nothing, as n . r is 0.
+//! with r = r0 + t (r1 - r0) and c = r0 x r1, tangential parts of both, t from 0 to 1. f'' is the symmetric part of the
+//! derivative of f': in a sum around a polygon the rest cancels. Lambert's sum over edges has the same derivatives
+//! around a polygon, but not edge by edge: its terms at the ends of edges cancel only if all edges that meet there move
+//! as one, which they do not where a near texel adjoins a far one, nor on the horizon. Here edges on the horizon give
+//! nothing, as n . r is 0.
 //!
-//! The vector irradiance is half the sum of the edges' angles times their unit normals; its tangential part is the derivative by turning.
+//! The vector irradiance is half the sum of the edges' angles times their unit normals; its tangential part is the
+//! derivative by turning.
 //!
 //! # Source
 //!
-//! Ward and Heckbert 1992 for the nearer surface; Schwarzhaupt et al. 2012 for the Hessian by edges. They span triangles between the
-//! points that rays met, whose mesh ends before the horizon and makes what hides smaller by half a texel; here the edges are those of
-//! the texels themselves, or of blocks of them. Their closed forms lose digits where an edge is short, which all edges of texels are: three points of
-//! Gauss' quadrature have an error of the order of the sixth power of the edge's angle.
+//! Ward and Heckbert 1992 for the nearer surface; Schwarzhaupt et al. 2012 for the Hessian by edges. They span
+//! triangles between the points that rays met, whose mesh ends before the horizon and makes what hides smaller by half
+//! a texel; here the edges are those of the texels themselves, or of blocks of them. Their closed forms lose digits
+//! where an edge is short, which all edges of texels are: three points of Gauss' quadrature have an error of the order
+//! of the sixth power of the edge's angle.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -35,8 +38,8 @@ use crate::sky::luminance;
 /// First derivatives of the mean radiance over the cosine-weighted hemisphere, by two tangents.
 pub(crate) type Gradient = [Vec3; 2];
 
-/// Derivatives of the mean radiance over the cosine-weighted hemisphere (irradiance / pi), in the frame of the gather. Of what stands at
-/// a distance, and of the soft sky.
+/// Derivatives of the mean radiance over the cosine-weighted hemisphere (irradiance / pi), in the frame of the gather.
+/// Of what stands at a distance, and of the soft sky.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Derivatives {
     /// By moving in the tangent plane, per metre.
@@ -91,8 +94,8 @@ impl TexelEdges {
         self.n
     }
 
-    /// The derivatives of the light of a gather, whose rays have the given `directions`. What is nearer than `nearest` metres, above 0, counts as if it were there: its
-    /// derivatives have no bound otherwise.
+    /// The derivatives of the light of a gather, whose rays have the given `directions`. What is nearer than `nearest`
+    /// metres, above 0, counts as if it were there: its derivatives have no bound otherwise.
     ///
     /// # Panics
     /// If the gather has another resolution.
@@ -197,7 +200,8 @@ fn add(gradient: &mut Gradient, derivative: Vec2, difference: Vec3) {
     gradient[1] += derivative.y * difference;
 }
 
-/// First and second derivative, f' and f'', by the place in the tangent plane from which the edge from `r0` to `r1` is seen.
+/// First and second derivative, f' and f'', by the place in the tangent plane from which the edge from `r0` to `r1` is
+/// seen.
 fn edge_derivatives(r0: Vec3A, r1: Vec3A) -> (Vec2, Symmetric) {
     /// Places and weights of Gauss' quadrature on [0, 1]: half of 1 -+ sqrt(3/5), and 5/18, 8/18.
     const GAUSS: [(f32, f32); 3] = [(0.112_701_67, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_33, 5.0 / 18.0)];
@@ -311,8 +315,8 @@ mod tests {
 
     #[test]
     fn occluder_moves_and_not_what_it_hides() {
-        // A black square under a white ceiling at height 3: E / pi is 1 less its form factor. If the edges were on the ceiling, the gradient
-        // would be a third of it.
+        // A black square under a white ceiling at height 3: E / pi is 1 less its form factor. If the edges were on the
+        // ceiling, the gradient would be a third of it.
         let hidden = |wi: Vec3A| {
             if is_in_square(wi) {
                 (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z)
@@ -329,8 +333,9 @@ mod tests {
 
     #[test]
     fn smooth_light_on_a_ceiling_has_its_derivatives() {
-        // A ceiling at height 1 with L = exp(-|q - c|^2), summed over its square of half width 4.5 in steps of 0.05, by the rule of middles:
-        // beyond is less than 1e-6 of the light, and a smooth function that vanishes at the border leaves no error of the rule.
+        // A ceiling at height 1 with L = exp(-|q - c|^2), summed over its square of half width 4.5 in steps of 0.05, by
+        // the rule of middles: beyond is less than 1e-6 of the light, and a smooth function that vanishes at the border
+        // leaves no error of the rule.
         let centre = DVec2::new(0.4, -0.2);
         let radiance = |q: DVec2| (-(q - centre).length_squared()).exp();
         let mean = |x: f64, y: f64| {
@@ -355,7 +360,8 @@ mod tests {
 
     #[test]
     fn blocks_of_texels_have_nearly_the_same_derivatives() {
-        // The light on the ceiling and a black square under it, at 36 x 36 texels as a reprojected point has them, and 37 that no block divides.
+        // The light on the ceiling and a black square under it, at 36 x 36 texels as a reprojected point has them, and
+        // 37 that no block divides.
         let look = |wi: Vec3A| {
             let q = (wi / wi.z).truncate();
             if is_in_square(wi) {
@@ -389,7 +395,8 @@ mod tests {
 
     #[test]
     fn sky_moves_with_the_frame_that_shows_it() {
-        // A hole in a black roof, with the sky behind: the edges are those of the roof, also where a texel at the rim shows both.
+        // A hole in a black roof, with the sky behind: the edges are those of the roof, also where a texel at the rim
+        // shows both.
         let n = 64;
         let mut window = Samples::from_fn(n, |wi| {
             if is_in_square(wi) { (Vec3::ONE, f32::INFINITY, -wi) } else { (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z) }
@@ -399,7 +406,8 @@ mod tests {
         let sharp = derivatives(&window).translation;
         assert_eq!(sharp[0], [Vec3::ZERO; 2], "none of it stands at a distance");
         assert!((reds(sharp[1]) - gradient).length() < 0.02 * gradient.length(), "{:?}", sharp[1]);
-        // The rim as several rays a texel find it: half of its light, all of that from infinity, and the roof before it.
+        // The rim as several rays a texel find it: half of its light, all of that from infinity, and the roof before
+        // it.
         let is_sky: Vec<bool> = window.distance.iter().map(|d| d.is_infinite()).collect();
         for texel in n..n * n - n {
             if is_sky[texel] && !(is_sky[texel + 1] && is_sky[texel - 1] && is_sky[texel + n] && is_sky[texel - n]) {

@@ -1,9 +1,9 @@
 //! Which points of a picture look for themselves, and what the others take from them.
 //!
-//! The points are asked on lattices of strides 64, 32, ... 1 pixels. One that no record is near enough to looks for itself and becomes a
-//! record. When all are asked, every point takes its light from all records that reach it, those made after it was asked too. A
-//! batch of records is made while the index is frozen, and most points of one batch lie at least a stride apart, so they seldom
-//! serve each other's place.
+//! The points are asked on lattices of strides 64, 32, ... 1 pixels. One that no record is near enough to looks for
+//! itself and becomes a record. When all are asked, every point takes its light from all records that reach it, those
+//! made after it was asked too. A batch of records is made while the index is frozen, and most points of one batch lie
+//! at least a stride apart, so they seldom serve each other's place.
 
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
@@ -20,11 +20,12 @@ use crate::sky::luminance;
 use crate::surface_points::SurfacePoint;
 use crate::terms::indirect::{Counts, Incident, IndirectTerm, Look};
 
-/// A point needs no record of its own where one is nearer than this share of its reach. Records overlap so that their weights are not
-/// 0 where one takes over from another, and so that several share what noise each has.
+/// A point needs no record of its own where one is nearer than this share of its reach. Records overlap so that their
+/// weights are not 0 where one takes over from another, and so that several share what noise each has.
 const PLACE: f32 = 0.5;
 
-/// Evaluates every point of a picture: `ask` lets points look, by their numbers and the stride of their lattice. Where gloss needs a texture each point looks for itself.
+/// Evaluates every point of a picture: `ask` lets points look, by their numbers and the stride of their lattice. Where
+/// gloss needs a texture each point looks for itself.
 pub(crate) fn fill<S: Secondary>(
     term: &IndirectTerm<'_, S>,
     lattice: &Lattice,
@@ -112,7 +113,8 @@ pub(crate) fn fill<S: Secondary>(
     (0..points.len()).into_par_iter().map(rest).collect()
 }
 
-/// What records tell of a point in the middle of its samples, or of its own place: where its samples are far apart, its own record may not reach their middle.
+/// What records tell of a point in the middle of its samples, or of its own place: where its samples are far apart, its
+/// own record may not reach their middle.
 fn light(point: &SurfacePoint, middle: &Place, index: &Index) -> Option<[Vec3; 2]> {
     index.interpolate(middle).or_else(|| index.interpolate(&own_place(point, middle)))
 }
@@ -129,7 +131,8 @@ fn own_place(point: &SurfacePoint, middle: &Place) -> Place {
     Place { p, n, ..*middle }
 }
 
-/// Whether a point that is seen directly and needs no texture is so long that a record at its middle cannot reach its ends, however evenly it is lit.
+/// Whether a point that is seen directly and needs no texture is so long that a record at its middle cannot reach its
+/// ends, however evenly it is lit.
 fn is_beyond_records<S: Secondary>(point: &SurfacePoint, term: &IndirectTerm<'_, S>) -> bool {
     point.chain == 0
         && point.half_length() > term.plan.records.max_reach(point.footprint)
@@ -138,9 +141,9 @@ fn is_beyond_records<S: Secondary>(point: &SurfacePoint, term: &IndirectTerm<'_,
 
 /// Whether a point that is seen directly may be longer than some record around it tells of, or no record is around it.
 fn is_long(point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
-    /// Records on the lit side of a rim reach so much farther than its pixels go on into the dark, whose few samples may lie close together besides. Plain
-    /// relMSE of `cornell-box` at quality 0.3 was 1.7 times robust with 3, 2.2 times with 1, for a hundredth more rays, and 1.5 times with 5, the
-    /// reference's own not subtracted.
+    /// Records on the lit side of a rim reach so much farther than its pixels go on into the dark, whose few samples
+    /// may lie close together besides. Plain relMSE of `cornell-box` at quality 0.3 was 1.7 times robust with 3, 2.2
+    /// times with 1, for a hundredth more rays, and 1.5 times with 5, the reference's own not subtracted.
     const REACH: f32 = 3.0;
     let half = point.half_length();
     // Shorter ones are within the least reach of any record.
@@ -149,8 +152,8 @@ fn is_long(point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
         && index.least_reach(middle).is_none_or(|reach| reach <= REACH * half)
 }
 
-/// Whether records cannot tell the light on all of a long point: it is in a gap in part, what they tell of its middle and of its ends differs too much, or
-/// too few of these are reached.
+/// Whether records cannot tell the light on all of a long point: it is in a gap in part, what they tell of its middle
+/// and of its ends differs too much, or too few of these are reached.
 fn is_wide<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
     /// What stands so much nearer above one place than above another makes a gap, if it is nearer than the ends.
     const GAP: f32 = 0.1;
@@ -183,7 +186,8 @@ fn range(numbers: impl Iterator<Item = f32>) -> (f32, f32, u32) {
     numbers.fold(none, |(least, largest, count), x| (least.min(x), largest.max(x), count + 1))
 }
 
-/// A point as one that asks records, in the middle of its samples: what stands above it is found by a ray, if it `asks` any.
+/// A point as one that asks records, in the middle of its samples: what stands above it is found by a ray, if it `asks`
+/// any.
 fn place<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, asks: bool) -> Place {
     let (p, n) = point.middle();
     Place { p, n, clearance: if asks { clearance(term, &point.shading.surface) } else { f32::INFINITY } }

@@ -1,8 +1,8 @@
 //! Second derivatives in the tangent plane, and how far they let a record reach.
 //!
-//! A record that is carried by its gradient errs at the offset d by d H d / 2, to second order. Summed over an ellipse along the axes of
-//! H, where each half axis is that of the disc on which its eigenvalue alone would give the error allowed (Schwarzhaupt et al.
-//! 2012, eq. 6):
+//! A record that is carried by its gradient errs at the offset d by d H d / 2, to second order. Summed over an ellipse
+//! along the axes of H, where each half axis is that of the disc on which its eigenvalue alone would give the error
+//! allowed (Schwarzhaupt et al. 2012, eq. 6):
 //!
 //! ```text
 //! integral over a disc of radius R of |k| r^2 / 2  =  pi |k| R^4 / 4  =  eps     =>     R = (4 eps / (pi |k|))^(1/4)
@@ -30,7 +30,8 @@ impl Symmetric {
         Self { xx: factor * self.xx, xy: factor * self.xy, yy: factor * self.yy }
     }
 
-    /// The eigenvalues, that of the larger magnitude first, and the unit eigenvector of the first; the other is at right angles.
+    /// The eigenvalues, that of the larger magnitude first, and the unit eigenvector of the first; the other is at
+    /// right angles.
     pub(crate) fn eigen(self) -> ([f32; 2], Vec2) {
         let middle = 0.5 * (self.xx + self.yy);
         let half = 0.5 * (self.xx - self.yy);

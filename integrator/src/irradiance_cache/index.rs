@@ -6,7 +6,8 @@ use radcache::BallGrid;
 use super::record::{MIN_NORMAL_COS, Place, Record};
 use crate::explain::IrradianceFacts;
 
-/// Records of irradiance and where they reach. They are entered one after another, and all answers depend on that order alone.
+/// Records of irradiance and where they reach. They are entered one after another, and all answers depend on that order
+/// alone.
 #[derive(Debug, Default)]
 pub(crate) struct Index {
     records: Vec<Record>,
@@ -47,8 +48,10 @@ impl Index {
         }
     }
 
-    /// Limits the reach of a new record by that of its neighbours, and theirs by its own: none reaches farther than another and the way to that (neighbour clamping, Krivanek et al.
-    /// 2006, *Making radiance and irradiance caching practical*). Else those that by chance see little of what is bright would reach farthest and have the greatest say.
+    /// Limits the reach of a new record by that of its neighbours, and theirs by its own: none reaches farther than
+    /// another and the way to that (neighbour clamping, Krivanek et al. 2006, *Making radiance and irradiance caching
+    /// practical*). Else those that by chance see little of what is bright would reach farthest and have the greatest
+    /// say.
     fn clamp_to_neighbours(&mut self, record: &mut Record) {
         let Some(neighbours) = &mut self.neighbours else { return };
         let around = || neighbours.near(record.centre()).map(|number| number as usize);
@@ -84,8 +87,8 @@ impl Index {
         self.near(place).map(Record::least_reach).reduce(f32::min)
     }
 
-    /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what stands at a distance, and
-    /// of the soft sky. `None` where there is none.
+    /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what
+    /// stands at a distance, and of the soft sky. `None` where there is none.
     pub(crate) fn interpolate(&self, place: &Place) -> Option<[Vec3; 2]> {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;

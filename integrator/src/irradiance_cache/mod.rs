@@ -1,8 +1,10 @@
-//! The irradiance cache: what reprojected points become, and with gathers in their place the rival of reprojection as it is used today.
+//! The irradiance cache: what reprojected points become, and with gathers in their place the rival of reprojection as
+//! it is used today.
 //!
-//! A record keeps the irradiance of one point, its gradients by turning and by moving, and the matrix of its second derivatives,
-//! the Hessian. The gradients carry it to the points around; the Hessian says how wrong that becomes, and so how far along each of
-//! two axes the record may reach. Other points take the weighted mean of all records that reach them.
+//! A record keeps the irradiance of one point, its gradients by turning and by moving, and the matrix of its second
+//! derivatives, the Hessian. The gradients carry it to the points around; the Hessian says how wrong that becomes, and
+//! so how far along each of two axes the record may reach. Other points take the weighted mean of all records that
+//! reach them.
 //!
 //! | file | what |
 //! |---|---|
@@ -15,9 +17,10 @@
 //!
 //! # Source
 //!
-//! Ward, Rubinstein and Clear 1988, *A ray tracing solution for diffuse interreflection*; Ward and Heckbert 1992, *Irradiance
-//! gradients*; Krivanek, Gautron, Bouatouch and Pattanaik 2005, *Improved radiance gradient computation*; Schwarzhaupt, Jensen and Jarosz
-//! 2012, *Practical Hessian-based error control for irradiance caching*. Each file says where it departs from them.
+//! Ward, Rubinstein and Clear 1988, *A ray tracing solution for diffuse interreflection*; Ward and Heckbert 1992,
+//! *Irradiance gradients*; Krivanek, Gautron, Bouatouch and Pattanaik 2005, *Improved radiance gradient computation*;
+//! Schwarzhaupt, Jensen and Jarosz 2012, *Practical Hessian-based error control for irradiance caching*. Each file says
+//! where it departs from them.
 
 mod edges;
 mod fill;

@@ -1,7 +1,8 @@
 //! Where a record reaches, and what it says there.
 //!
-//! The distance of a point from a record is 0 at the record and 1 where it ends to matter. Of the offset d it counts the tangential
-//! part in units of the ellipse's half axes, the height over the tangent plane and the turn of the normal:
+//! The distance of a point from a record is 0 at the record and 1 where it ends to matter. Of the offset d it counts
+//! the tangential part in units of the ellipse's half axes, the height over the tangent plane and the turn of the
+//! normal:
 //!
 //! ```text
 //! distance^2 = (d . a / R_a)^2 + (d . b / R_b)^2 + (h / (0.2 R_a))^2 + (1 - n . n') / (1 - 0.9)
@@ -9,9 +10,9 @@
 //!
 //! What stands close above a point hides light from it that the record saw: such a gap takes records of its own.
 //!
-//! A record must not reach through walls, and its radii know nothing of them where the light does not change. So it keeps the planes
-//! of what it met near its horizon: no point behind one of them may take anything from it (as Ward's `ambcorral` in Radiance, which
-//! keeps azimuths in their place).
+//! A record must not reach through walls, and its radii know nothing of them where the light does not change. So it
+//! keeps the planes of what it met near its horizon: no point behind one of them may take anything from it (as Ward's
+//! `ambcorral` in Radiance, which keeps azimuths in their place).
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
@@ -45,7 +46,8 @@ pub(crate) struct RecordRules {
 pub(crate) struct Record {
     centre: Vec3A,
     frame: Frame,
-    /// Mean radiance over the cosine-weighted hemisphere, irradiance / pi: of what stands at a distance, and of the soft sky.
+    /// Mean radiance over the cosine-weighted hemisphere, irradiance / pi: of what stands at a distance, and of the
+    /// soft sky.
     mean: [Vec3; 2],
     translation: [Gradient; 2],
     rotation: [Gradient; 2],
@@ -78,25 +80,28 @@ struct Guard {
 
 /// Smallest cosine between the normals of a record and of a point that it serves: 26 degrees.
 pub(super) const MIN_NORMAL_COS: f32 = 0.9;
-/// Height over the tangent plane counts so many times as much as the offset along it, and at most this share of the offset is height:
-/// surfaces whose normals differ by 26 degrees bend away from it by half the angle.
+/// Height over the tangent plane counts so many times as much as the offset along it, and at most this share of the
+/// offset is height: surfaces whose normals differ by 26 degrees bend away from it by half the angle.
 const HEIGHT_FACTOR: f32 = 5.0;
 /// Rounding of far coordinates must not make near points steep.
 const STEEP_SLACK: f32 = 0.01;
 /// Longest ellipse: the Hessian of few texels is too rough for more.
 const MAX_ASPECT: f32 = 2.0;
-/// Light that comes by a smaller share of the texels than this is too rough for derivatives; and a reach by its Hessian would be the shorter
-/// the more of it was met by chance, so that the records that met none would have the greatest say. Such a record reaches a share
-/// of the harmonic mean distance, by Ward's rule, which knows geometry alone.
+/// Light that comes by a smaller share of the texels than this is too rough for derivatives; and a reach by its Hessian
+/// would be the shorter the more of it was met by chance, so that the records that met none would have the greatest
+/// say. Such a record reaches a share of the harmonic mean distance, by Ward's rule, which knows geometry alone.
 const FEW_TEXELS: f32 = 0.015;
 const WARD_SPACING: f32 = 0.3;
-/// No reach is longer, metres, also where all is infinitely far and nothing else limits it: squares of its ratio to short ones are numbers.
+/// No reach is longer, metres, also where all is infinitely far and nothing else limits it: squares of its ratio to
+/// short ones are numbers.
 const FARTHEST: f32 = 1e10;
 /// Texels above this cosine are overhead.
 const OVERHEAD_COS: f32 = 0.95;
-/// A point with less than this share of the record's clearance, and less than its distance from the record, is in a gap that the record is not in.
+/// A point with less than this share of the record's clearance, and less than its distance from the record, is in a gap
+/// that the record is not in.
 const GAP: f32 = 0.1;
-/// Texels below this cosine are near enough to the horizon for what they met to stand in the way of a point of the surface.
+/// Texels below this cosine are near enough to the horizon for what they met to stand in the way of a point of the
+/// surface.
 const GUARD_COS: f32 = 0.7;
 /// Planes that rise from the tangent plane less steeply than this, by the tangential part of their normals, do not.
 const GUARD_SLOPE: f32 = 0.3;
@@ -106,8 +111,8 @@ const GUARD_SECTORS: usize = 8;
 const GUARD_RAMP: f32 = 4.0;
 
 impl Record {
-    /// Makes a record of what is seen from `centre` in `frame`. `mean` is its mean radiance, of what stands at a distance and of the soft sky,
-    /// which may be better known than as the mean of the texels.
+    /// Makes a record of what is seen from `centre` in `frame`. `mean` is its mean radiance, of what stands at a
+    /// distance and of the soft sky, which may be better known than as the mean of the texels.
     pub(crate) fn new(
         centre: Vec3A,
         frame: Frame,
@@ -124,7 +129,8 @@ impl Record {
         let (radii, axis) = if let Some(derivatives) = derivatives.filter(|_| rules.by_hessian) {
             let light = luminance(mean[0] + mean[1]);
             let (curvatures, axis) = derivatives.hessian.eigen();
-            // Where the first derivative is so large, light falls to 0 within the radius: no second derivative tells of that.
+            // Where the first derivative is so large, light falls to 0 within the radius: no second derivative tells of
+            // that.
             let [near, sky] = derivatives.translation;
             let slope = Vec2::new(luminance(near[0] + sky[0]), luminance(near[1] + sky[1]));
             let fall = light / slope.length();
@@ -204,8 +210,8 @@ impl Record {
         distance_sq.sqrt().max(1.0 - GUARD_RAMP * front)
     }
 
-    /// What it tells of the light at a point with unit normal `n`: mean radiance of what stands at a distance, and of the soft sky. May
-    /// be negative.
+    /// What it tells of the light at a point with unit normal `n`: mean radiance of what stands at a distance, and of
+    /// the soft sky. May be negative.
     pub(crate) fn light(&self, p: Vec3A, n: Vec3A) -> [Vec3; 2] {
         let (s, t) = (self.frame.s, self.frame.t);
         let offset = p - self.centre;
@@ -245,7 +251,8 @@ fn lit_share(samples: &Samples) -> f32 {
     if sum_sq > 0.0 { sum / sum_sq * sum / samples.radiance.len() as f32 } else { 0.0 }
 }
 
-/// The nearest planes of what a gather met near its horizon, by the azimuth of their normals; none that is farther than `reach`.
+/// The nearest planes of what a gather met near its horizon, by the azimuth of their normals; none that is farther than
+/// `reach`.
 fn guards(samples: &Samples, directions: &[Vec3A], frame: &Frame, reach: f32) -> Vec<Guard> {
     let mut nearest: [Option<(f32, Vec3A)>; GUARD_SECTORS] = [None; GUARD_SECTORS];
     for (texel, &wi) in directions.iter().enumerate() {

@@ -32,7 +32,8 @@ impl<'a> Recorder<'a> {
         Self { edges, plan }
     }
 
-    /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to that `error`.
+    /// The record of a point that sees `samples` in `frame`, of the mean radiance `mean`, which may sum to that
+    /// `error`.
     ///
     /// # Panics
     /// If the samples have none of the resolutions of the plan.
@@ -49,8 +50,8 @@ impl<'a> Recorder<'a> {
         Record::new(point.shading.surface.p, frame, samples, mean, edges, &self.rules(point.footprint, error))
     }
 
-    /// The rules for a record where a pixel is `footprint` metres wide. An error counts by the share of the picture that it takes: that
-    /// makes the number of records the same for any number of pixels, and for any unit of length.
+    /// The rules for a record where a pixel is `footprint` metres wide. An error counts by the share of the picture
+    /// that it takes: that makes the number of records the same for any number of pixels, and for any unit of length.
     fn rules(&self, footprint: f32, error: f32) -> RecordRules {
         let plan = self.plan;
         let width = plan.picture_width(footprint);

@@ -15,8 +15,8 @@ const BRIGHTER: Vec3 = Vec3::new(178.0, 24.0, 43.0);
 const DARKER: Vec3 = Vec3::new(33.0, 102.0, 172.0);
 const NOT_FINITE: [u8; 3] = [255, 220, 0];
 
-/// Returns one 8-bit sRGB colour a pixel: white where the pictures agree, towards red where `image` is brighter, towards
-/// blue where it is darker, yellow where either is not finite.
+/// Returns one 8-bit sRGB colour a pixel: white where the pictures agree, towards red where `image` is brighter,
+/// towards blue where it is darker, yellow where either is not finite.
 ///
 /// Shown is the mean over channels of (e I - e R) / (|e R| + 0.1), e being the reference's [`exposure`]; full colour is
 /// reached at [`DIFFERENCE_RANGE`].

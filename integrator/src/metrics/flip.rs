@@ -7,9 +7,9 @@
 //! ```
 //!
 //! # Source
-//! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "FLIP: A Difference Evaluator for Alternating
-//! Images". Checked against the authors' flip-evaluator 1.7; its two-dimensional filters are products of rows and
-//! columns, and are applied so.
+//! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "FLIP: A Difference Evaluator for
+//! Alternating Images". Checked against the authors' flip-evaluator 1.7; its two-dimensional filters are products of
+//! rows and columns, and are applied so.
 
 use glam::{Mat3, UVec2, Vec3};
 use rayon::prelude::*;

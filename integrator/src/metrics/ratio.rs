@@ -17,7 +17,8 @@ pub struct RatioOfMeans {
     pub reference: [f64; 3],
 }
 
-/// Returns the mean of `image` over the mean of `reference`, from the pixels that are finite in both. Sums are in `f64`.
+/// Returns the mean of `image` over the mean of `reference`, from the pixels that are finite in both. Sums are in
+/// `f64`.
 ///
 /// # Errors
 /// When the sizes differ or no pixel is finite in both.

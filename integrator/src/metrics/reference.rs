@@ -4,8 +4,8 @@
 //! own relMSE = mean over pixels and channels of e^2 Var(R) / ((e R)^2 + 0.01)
 //! ```
 //!
-//! A perfect picture has this relMSE against the reference, in expectation: it is to be subtracted from what is measured, and
-//! nothing much smaller can be measured at all.
+//! A perfect picture has this relMSE against the reference, in expectation: it is to be subtracted from what is
+//! measured, and nothing much smaller can be measured at all.
 
 use glam::{DVec3, UVec2, Vec3};
 
@@ -21,7 +21,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Takes a picture of `size`, linear RGB with rows from the top, and for each of its numbers the variance, where known.
+    /// Takes a picture of `size`, linear RGB with rows from the top, and for each of its numbers the variance, where
+    /// known.
     ///
     /// # Errors
     /// When there is no pixel, or there are not width times height pixels or variances.
@@ -51,9 +52,11 @@ impl Reference {
         self.variance.as_deref()
     }
 
-    /// Returns the relMSE that a perfect picture is expected to have against this one; `None` where the variance is not known.
+    /// Returns the relMSE that a perfect picture is expected to have against this one; `None` where the variance is not
+    /// known.
     ///
-    /// The robust figure leaves out the 0.1 % of the pixels that are least certain. Pixels that are not finite are left out of both.
+    /// The robust figure leaves out the 0.1 % of the pixels that are least certain. Pixels that are not finite are left
+    /// out of both.
     ///
     /// # Errors
     /// When no pixel is finite.
@@ -72,8 +75,9 @@ impl Reference {
         Ok(Some(RelMse { plain, robust, exposure, not_finite }))
     }
 
-    /// Returns the reference of a smaller film, each of whose pixels takes the place of a block of these: with a box filter, the
-    /// mean of the block is what the larger pixel shows. `None` unless both sides shrink by one whole number.
+    /// Returns the reference of a smaller film, each of whose pixels takes the place of a block of these: with a box
+    /// filter, the mean of the block is what the larger pixel shows. `None` unless both sides shrink by one whole
+    /// number.
     #[must_use]
     pub fn shrunk(&self, size: UVec2) -> Option<Self> {
         let block = self.size.checked_div(size)?;

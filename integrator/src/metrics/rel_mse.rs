@@ -63,8 +63,9 @@ pub(super) fn summary(mut errors: Vec<f64>) -> Result<(f64, f64), MetricsError> 
     Ok((plain, mean(&errors[..kept])))
 }
 
-/// Returns 0.8 divided by the 90th percentile over the finite pixels of `reference` of (r + g + b) / 3. Where that is not positive, in a picture that is
-/// black almost everywhere, it is the percentile of what is positive, so that errors stay relative; the exposure is 1 where nothing is.
+/// Returns 0.8 divided by the 90th percentile over the finite pixels of `reference` of (r + g + b) / 3. Where that is
+/// not positive, in a picture that is black almost everywhere, it is the percentile of what is positive, so that errors
+/// stay relative; the exposure is 1 where nothing is.
 ///
 /// # Errors
 /// When no pixel is finite.
@@ -77,8 +78,8 @@ pub(crate) fn finite_means(pixels: &[Vec3]) -> Vec<f64> {
     pixels.iter().filter(|pixel| pixel.is_finite()).map(|pixel| pixel.as_dvec3().element_sum() / 3.0).collect()
 }
 
-/// What keeps dark pixels from ruling relative errors, in the units of finite pixels with these means m of R, G and B: m^2 and this are the denominator
-/// of relMSE.
+/// What keeps dark pixels from ruling relative errors, in the units of finite pixels with these means m of R, G and B:
+/// m^2 and this are the denominator of relMSE.
 pub(crate) fn floor_sq(means: Vec<f64>) -> f64 {
     let exposure = exposure_of(means).unwrap_or(1.0);
     EPSILON / (exposure * exposure)

@@ -3,15 +3,16 @@
 //! ```text
 //! E(p) = sum over photons i with |p - x_i| < r_i of  2 flux_i / (pi r_i^2) (1 - |p - x_i|^2 / r_i^2)
 //! ```
-//! where r_i is about the distance from x_i to the k-th photon next to it, so that discs are small in a focus and wide where photons are few. No
-//! flux is lost or won, however the irradiance changes: all discs together hold what all photons carry, but for what hangs over an edge, which is left to the
-//! caller. An estimate by the photons nearest to p does not have this property: beside a focus its radius ends at the focus, and a pool's caustic was
-//! 2 % too bright in the mean.
+//! where r_i is about the distance from x_i to the k-th photon next to it, so that discs are small in a focus and wide
+//! where photons are few. No flux is lost or won, however the irradiance changes: all discs together hold what all
+//! photons carry, but for what hangs over an edge, which is left to the caller. An estimate by the photons nearest to p
+//! does not have this property: beside a focus its radius ends at the focus, and a pool's caustic was 2 % too bright in
+//! the mean.
 //!
 //! # Source
 //!
-//! Ian S. Abramson, *On Bandwidth Variation in Kernel Estimates*, 1982, for a bandwidth by the square root of the density, which in two dimensions is
-//! the distance to the k-th neighbour; the kernel is Epanechnikov's.
+//! Ian S. Abramson, *On Bandwidth Variation in Kernel Estimates*, 1982, for a bandwidth by the square root of the
+//! density, which in two dimensions is the distance to the k-th neighbour; the kernel is Epanechnikov's.
 
 use std::f32::consts::PI;
 
@@ -56,8 +57,8 @@ struct Sums {
 }
 
 impl CausticMap {
-    /// Builds the map of estimates by about `neighbours` photons within `max_radius`, or within a limit taken from the photons' density. `None` where
-    /// there is no photon.
+    /// Builds the map of estimates by about `neighbours` photons within `max_radius`, or within a limit taken from the
+    /// photons' density. `None` where there is no photon.
     pub(super) fn new(photons: &Photons, neighbours: u32, max_radius: Option<f32>) -> Option<Self> {
         let Tree { discs, nodes } = Tree::new(photons, neighbours, max_radius)?;
         Some(Self { leaves: discs.chunks(LEAF).map(Leaf::new).collect(), nodes, len: discs.len() })
@@ -82,7 +83,8 @@ impl CausticMap {
         photons
     }
 
-    /// Returns the irradiance at `p` on the side of the unit normal `n`, with the mean radius of the discs by what they give; 0 where there is none.
+    /// Returns the irradiance at `p` on the side of the unit normal `n`, with the mean radius of the discs by what they
+    /// give; 0 where there is none.
     pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Irradiance {
         let sums = self.add_all::<false>(p, n, 0.0);
         let most = sums.most.iter().sum::<f32>();
@@ -90,7 +92,8 @@ impl CausticMap {
         Irradiance { radius, ..sums.total() }
     }
 
-    /// The same with the least radius of the discs that give light to any place of the surface up to `reach` from `p`; infinite where none does.
+    /// The same with the least radius of the discs that give light to any place of the surface up to `reach` from `p`;
+    /// infinite where none does.
     pub(super) fn irradiance_and_detail(&self, p: Vec3A, n: Vec3A, reach: f32) -> Irradiance {
         self.add_all::<true>(p, n, reach).total()
     }

@@ -1,8 +1,8 @@
 //! How much of the disc around a point is really surface.
 //!
-//! A photon estimate divides by the area of a disc. Beside an edge or in a corner a part of it hangs in the air or lies behind a wall, and the
-//! estimate would be too dark: by a half at a straight edge, by three quarters in a corner. So the disc is tested: short
-//! rays from a point above its middle must meet the surface where the disc is.
+//! A photon estimate divides by the area of a disc. Beside an edge or in a corner a part of it hangs in the air or lies
+//! behind a wall, and the estimate would be too dark: by a half at a straight edge, by three quarters in a corner. So
+//! the disc is tested: short rays from a point above its middle must meet the surface where the disc is.
 
 use glam::Vec3A;
 use hemimap::{Frame, square_to_disk};
@@ -38,16 +38,16 @@ impl Kernel {
     }
 }
 
-/// Returns the share of the disc around `p`, in the plane of the unit normal `n`, that is surface of the same kind as photons must
-/// lie on to count, and visible from above; in [1/16, 1], for the point itself is there.
-/// Places count as much as the kernel lets photons count there.
+/// Returns the share of the disc around `p`, in the plane of the unit normal `n`, that is surface of the same kind as
+/// photons must lie on to count, and visible from above; in [1/16, 1], for the point itself is there. Places count as
+/// much as the kernel lets photons count there.
 ///
 /// Its deviation is at most 0.06, beside a straight edge about 0.03 (16 stratified points).
 pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, kernel: Kernel, seed: u64) -> f32 {
     let frame = Frame::from_normal(n);
     let mut rng = Rng::new(seed, 0);
-    // The apex stands as high as the disc is wide, or half way below what is in the way. Its ray starts a little above the point, which
-    // is rounded and may lie behind the surface.
+    // The apex stands as high as the disc is wide, or half way below what is in the way. Its ray starts a little above
+    // the point, which is rounded and may lie behind the surface.
     let rounding = ROUNDING * p.abs().max_element();
     let start = (1e-3 * radius).max(rounding);
     let up = Ray { t_max: radius, ..Ray::new(p + n * start, n) };

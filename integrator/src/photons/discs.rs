@@ -1,7 +1,8 @@
 //! Photons' discs, and the tree over them: how far each photon spreads its flux.
 //!
-//! Discs are sorted by medians of their centers into leaves of a few, and those into a tree of boxes. While the boxes hold the centers alone, the tree finds the k-th
-//! photon next to some of them, which tells the radii around; then its boxes grow to hold the discs.
+//! Discs are sorted by medians of their centers into leaves of a few, and those into a tree of boxes. While the boxes
+//! hold the centers alone, the tree finds the k-th photon next to some of them, which tells the radii around; then its
+//! boxes grow to hold the discs.
 
 use std::ops::Range;
 
@@ -45,8 +46,8 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Builds the tree of discs of about `neighbours` photons each within `max_radius`, or within a limit taken from the photons' density. `None` where there is no
-    /// photon.
+    /// Builds the tree of discs of about `neighbours` photons each within `max_radius`, or within a limit taken from
+    /// the photons' density. `None` where there is no photon.
     pub(super) fn new(photons: &Photons, neighbours: u32, max_radius: Option<f32>) -> Option<Self> {
         if photons.len() == 0 {
             return None;
@@ -88,8 +89,8 @@ impl Tree {
         }
     }
 
-    /// Sets the radii of a subtree's discs, by one search for each few of them: as good as one for each photon, in a third of the time or less. Of the
-    /// subtrees around it that hold enough neighbours, `around` is the smallest.
+    /// Sets the radii of a subtree's discs, by one search for each few of them: as good as one for each photon, in a
+    /// third of the time or less. Of the subtrees around it that hold enough neighbours, `around` is the smallest.
     fn measure_near(&self, radii: &mut [f32], range: Range<usize>, around: Range<usize>, neighbours: usize) {
         // The photon itself is the first that is found.
         let around = if range.len() > neighbours { range.clone() } else { around };
@@ -113,7 +114,8 @@ impl Tree {
         }
     }
 
-    /// Returns the distance from `p` of neighbour number `neighbours`, counted from 0, which is no farther than that of those `around` it.
+    /// Returns the distance from `p` of neighbour number `neighbours`, counted from 0, which is no farther than that of
+    /// those `around` it.
     fn distance_of(&self, p: Vec3A, neighbours: usize, around: Range<usize>) -> f32 {
         let mut squares: Vec<f32> = self.discs[around].iter().map(|disc| disc.center.distance_squared(p)).collect();
         let mut bound = select(&mut squares, neighbours);

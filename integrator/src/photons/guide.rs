@@ -1,28 +1,32 @@
 //! Where to aim photons: a density over the numbers from which a light makes them, learned from pilot photons.
 //!
-//! [`Lights::emit_to`](scene::Lights::emit_to) turns five uniform numbers (choice of the light, position, direction) into a photon. Of all of the
-//! cube [0, 1)^5 often a small part alone leads to glass, or through a window. The cube is therefore cut in cells, as a k-d
-//! tree, wherever the pilots show that the useful ones are not spread evenly.
+//! [`Lights::emit_to`](scene::Lights::emit_to) turns five uniform numbers (choice of the light, position, direction)
+//! into a photon. Of all of the cube [0, 1)^5 often a small part alone leads to glass, or through a window. The cube is
+//! therefore cut in cells, as a k-d tree, wherever the pilots show that the useful ones are not spread evenly.
 //!
-//! Were the density of a cell the mean of the useful flux f in it, as is often done, then the rare useful photon of a cell that is mostly
-//! useless would weigh a hundred times as much as others, and be seen as a blot. The density for the least variance is
+//! Were the density of a cell the mean of the useful flux f in it, as is often done, then the rare useful photon of a
+//! cell that is mostly useless would weigh a hundred times as much as others, and be seen as a blot. The density for
+//! the least variance is
 //!
 //! ```text
 //! p = sqrt(mean of f^2)
 //! ```
-//! which for a share q of useful photons is sqrt(q). A small part of a useful pilot is added to each cell: so a cell that few pilots tried is tried again.
-//! A share of all photons goes everywhere alike, so no density is 0 and every estimate stays unbiased.
+//! which for a share q of useful photons is sqrt(q). A small part of a useful pilot is added to each cell: so a cell
+//! that few pilots tried is tried again. A share of all photons goes everywhere alike, so no density is 0 and every
+//! estimate stays unbiased.
 //!
-//! A lamp may have a thousandth of the flux of the sky and all of the caustics. So the lights are parts of the cube from the start (groups of weak ones, where there are
-//! many), and the first pilots are dealt half by flux, half evenly to these.
+//! A lamp may have a thousandth of the flux of the sky and all of the caustics. So the lights are parts of the cube
+//! from the start (groups of weak ones, where there are many), and the first pilots are dealt half by flux, half evenly
+//! to these.
 //!
-//! The photons of a cell follow each other, as many as their share is but for rounding, and their numbers are a low-discrepancy set of their own: were cells
-//! chosen at random, what lands in one place would be as uneven as unrelated numbers are.
+//! The photons of a cell follow each other, as many as their share is but for rounding, and their numbers are a
+//! low-discrepancy set of their own: were cells chosen at random, what lands in one place would be as uneven as
+//! unrelated numbers are.
 //!
 //! # Source
 //!
-//! The idea of splitting the space of random numbers: Thomas Müller, Markus Gross, Jan Novák, *Practical Path Guiding for Efficient
-//! Light-Transport Simulation*, 2017; here with an even simpler rule and for emission alone.
+//! The idea of splitting the space of random numbers: Thomas Müller, Markus Gross, Jan Novák, *Practical Path Guiding
+//! for Efficient Light-Transport Simulation*, 2017; here with an even simpler rule and for emission alone.
 
 use crate::{Rng, Sampler, hash_pair};
 
@@ -33,17 +37,20 @@ pub(super) const DIMENSIONS: usize = 5;
 const DEFENSIVE_SHARE: f32 = 0.1;
 /// Bins by which a cell is tested for an uneven spread.
 const BINS: usize = 8;
-/// Chi-squared with BINS - 1 = 7 degrees exceeds this once in 1,000: less is noise, and to split it would only add more.
+/// Chi-squared with BINS - 1 = 7 degrees exceeds this once in 1,000: less is noise, and to split it would only add
+/// more.
 const UNEVEN: f64 = 24.3;
-/// A cell is split while it holds the worth of so many pilots of equal score; of half as many in a part where fewer than `FEW` were of use, for a rare way to
-/// glass is to be found at all before it is sampled well.
+/// A cell is split while it holds the worth of so many pilots of equal score; of half as many in a part where fewer
+/// than `FEW` were of use, for a rare way to glass is to be found at all before it is sampled well.
 const MIN_PILOTS: f64 = 16.0;
 const FEW: usize = 1024;
-/// Lights of less than this share of the choice are put together in groups, each of no more than this share of the lights.
+/// Lights of less than this share of the choice are put together in groups, each of no more than this share of the
+/// lights.
 const GROUP_SHARE: f64 = 1.0 / 64.0;
 /// The part of a useful pilot that is added to each cell.
 const PRIOR: f64 = 1.0 / 256.0;
-/// Keeps the numbers by which photons are dealt apart from those by which they go on, and the one that all have in common from those.
+/// Keeps the numbers by which photons are dealt apart from those by which they go on, and the one that all have in
+/// common from those.
 const JITTER: u64 = 0x006a_6974_7465_7220;
 const SHIFT: u64 = u64::MAX;
 /// Cells are split at most so often: 2^-40 of the cube is less than any light needs.
@@ -87,7 +94,8 @@ pub(super) struct Aim<'a> {
 
 const WHOLE: Cell = Cell { min: [0.0; DIMENSIONS], size: [1.0; DIMENSIONS], density: 1.0 };
 
-/// The parts of the cube that make photons of one light, or of a group of weak ones, from the ends of the lights' shares of the choice.
+/// The parts of the cube that make photons of one light, or of a group of weak ones, from the ends of the lights'
+/// shares of the choice.
 pub(super) fn parts(choice_ends: &[f64]) -> Vec<Cell> {
     let most = (choice_ends.len() as f64 * GROUP_SHARE).ceil();
     let (mut parts, mut in_group, mut start) = (Vec::new(), 0.0, 0.0);

@@ -3,14 +3,15 @@
 //! ```text
 //! E = sum of the flux of the k - 1 nearest photons that lie on this surface / (pi r^2)
 //! ```
-//! where r is the distance of the k-th nearest photon on any surface. Given r, the others are spread evenly inside, so with k - 1 (not k)
-//! the estimate is unbiased where the irradiance does not change within r, whatever share of the photons lies on other surfaces. Its relative
-//! deviation is 1 / sqrt(k - 2). r is limited; where fewer than k photons lie within the limit, all of them count.
+//! where r is the distance of the k-th nearest photon on any surface. Given r, the others are spread evenly inside, so
+//! with k - 1 (not k) the estimate is unbiased where the irradiance does not change within r, whatever share of the
+//! photons lies on other surfaces. Its relative deviation is 1 / sqrt(k - 2). r is limited; where fewer than k photons
+//! lie within the limit, all of them count.
 //!
 //! # Source
 //!
-//! Henrik Wann Jensen, *Realistic Image Synthesis Using Photon Mapping*, 2001, chapter 7; the k - 1 is that of Loftsgaarden and Quesenberry,
-//! *A Nonparametric Estimate of a Multivariate Density Function*, 1965.
+//! Henrik Wann Jensen, *Realistic Image Synthesis Using Photon Mapping*, 2001, chapter 7; the k - 1 is that of
+//! Loftsgaarden and Quesenberry, *A Nonparametric Estimate of a Multivariate Density Function*, 1965.
 
 use std::f32::consts::PI;
 use std::num::NonZero;
@@ -22,9 +23,11 @@ use super::shoot::Photons;
 
 /// Photons whose normals have a smaller cosine lie on another surface.
 pub(super) const SAME_NORMAL: f32 = 0.9;
-/// So do those farther from the tangent plane than this share of the search radius; a sphere of normals within `SAME_NORMAL` stays within it.
+/// So do those farther from the tangent plane than this share of the search radius; a sphere of normals within
+/// `SAME_NORMAL` stays within it.
 pub(super) const SAME_PLANE: f32 = 0.25;
-/// The limit of the search radius, in medians of the distance to the k-th photon: the density may fall to 1/16 before photons get fewer.
+/// The limit of the search radius, in medians of the distance to the k-th photon: the density may fall to 1/16 before
+/// photons get fewer.
 const RADIUS_LIMIT: f32 = 4.0;
 /// Distances from which the median is taken, at most.
 const RADIUS_SAMPLES: usize = 512;
@@ -53,8 +56,8 @@ pub(super) struct PhotonMap {
 }
 
 impl PhotonMap {
-    /// Builds the map of estimates by `neighbours` photons within `max_radius`, or within a limit taken from the photons' density.
-    /// `None` where there is no photon.
+    /// Builds the map of estimates by `neighbours` photons within `max_radius`, or within a limit taken from the
+    /// photons' density. `None` where there is no photon.
     pub(super) fn new(photons: Photons, neighbours: u32, max_radius: Option<f32>) -> Option<Self> {
         let tree = tree(&photons.positions)?;
         let mut map = Self { photons, tree, neighbours: neighbours.max(2) as usize, max_radius: f32::INFINITY };
@@ -66,7 +69,8 @@ impl PhotonMap {
         &self.photons
     }
 
-    /// Returns the irradiance at `p` on the side of the unit normal `n`; 0, with the limit as its radius, where no photon is near.
+    /// Returns the irradiance at `p` on the side of the unit normal `n`; 0, with the limit as its radius, where no
+    /// photon is near.
     pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Irradiance {
         let near = nearest(&self.tree, p, self.neighbours, self.max_radius);
         // The search ends at the k-th photon, which then does not count itself, or at the limit.
@@ -107,9 +111,10 @@ impl PhotonMap {
 
 /// Irradiance at some of the photons, estimated beforehand: a lookup is a search for one point instead of many.
 ///
-/// Each of these photons counts in its own estimate, which is then too high by 1 / k. But a place that by chance holds few photons is
-/// far from the next of them, so low estimates serve larger cells than high ones: by area the mean is too low by the variance of an estimate, which
-/// is 1 / k too. The two cancel (measured in a sphere, k = 50: 0.979 without the photon itself, 1.000 with it).
+/// Each of these photons counts in its own estimate, which is then too high by 1 / k. But a place that by chance holds
+/// few photons is far from the next of them, so low estimates serve larger cells than high ones: by area the mean is
+/// too low by the variance of an estimate, which is 1 / k too. The two cancel (measured in a sphere, k = 50: 0.979
+/// without the photon itself, 1.000 with it).
 ///
 /// # Source
 ///
@@ -185,7 +190,8 @@ mod tests {
     use super::*;
     use crate::Rng;
 
-    /// What a disc of radius 1 keeps beside a straight edge at distance t, `1 - (acos t - t sqrt(1 - t^2)) / pi`, and t.
+    /// What a disc of radius 1 keeps beside a straight edge at distance t, `1 - (acos t - t sqrt(1 - t^2)) / pi`, and
+    /// t.
     const EDGE: [(f32, f32); 4] = [(0.0, 0.5), (0.25, 0.657_481), (0.5, 0.804_499), (0.75, 0.927_853)];
 
     const COUNT: u16 = 50_000;
@@ -216,14 +222,16 @@ mod tests {
             .collect();
         let mean = values.iter().sum::<f32>() / 576.0;
         let spread = (values.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / 575.0).sqrt();
-        // 4.5 of 0.1443 / 24, and of 1 / sqrt(2 * 575) for the deviation; k instead of k - 1 would be off by 3.3 deviations.
+        // 4.5 of 0.1443 / 24, and of 1 / sqrt(2 * 575) for the deviation; k instead of k - 1 would be off by 3.3
+        // deviations.
         assert!((mean - 1.0).abs() < 4.5 * deviation / 24.0, "mean {mean}");
         assert!((spread / deviation - 1.0).abs() < 0.135, "deviation {spread} for {deviation}");
     }
 
     #[test]
     fn edge_bias_is_known() {
-        // More neighbours than there are photons: the limit 0.1 is the radius. Some 1,600 photons in a disc, several discs.
+        // More neighbours than there are photons: the limit 0.1 is the radius. Some 1,600 photons in a disc, several
+        // discs.
         let map = PhotonMap::new(floor(), 1 << 20, Some(0.1)).unwrap();
         let mean = |x: f32| {
             let along = (0..16u8).map(|i| Vec3A::new(x, 0.15 + 0.045 * f32::from(i), 0.0));

@@ -1,9 +1,9 @@
 //! Photon maps: light that came to surfaces by other ways than straight, as irradiance.
 //!
-//! The global map holds every photon that met a diffuse surface after at least one bounce of any kind; gather rays read it at
-//! their hits. Light that comes straight is not in it: that is sampled. The caustic map holds photons that came by mirrors and glass
-//! alone (light S+ diffuse); it is what the eye sees of caustics. Each is shot only where the scene has something for it. The
-//! global map includes caustics, so the two must never be added.
+//! The global map holds every photon that met a diffuse surface after at least one bounce of any kind; gather rays read
+//! it at their hits. Light that comes straight is not in it: that is sampled. The caustic map holds photons that came
+//! by mirrors and glass alone (light S+ diffuse); it is what the eye sees of caustics. Each is shot only where the
+//! scene has something for it. The global map includes caustics, so the two must never be added.
 
 mod caustic;
 mod coverage;
@@ -170,9 +170,9 @@ impl PhotonMaps {
         }
     }
 
-    /// Shoots more photons for the caustic map, aimed as those before, until it is by [`PhotonSettings::caustic_count`] altogether, and spreads all of them
-    /// anew, over discs of [`PhotonSettings::caustic_neighbours`]. Does nothing where there are as many already, or where [`PhotonMaps::shoot`] found no use for the
-    /// map.
+    /// Shoots more photons for the caustic map, aimed as those before, until it is by [`PhotonSettings::caustic_count`]
+    /// altogether, and spreads all of them anew, over discs of [`PhotonSettings::caustic_neighbours`]. Does nothing
+    /// where there are as many already, or where [`PhotonMaps::shoot`] found no use for the map.
     ///
     /// # Example
     ///
@@ -217,7 +217,8 @@ impl PhotonMaps {
         }
     }
 
-    /// Shoots as many photons for caustics again, aimed alike, to compare both or to add them by [`Self::join_caustics`].
+    /// Shoots as many photons for caustics again, aimed alike, to compare both or to add them by
+    /// [`Self::join_caustics`].
     pub(crate) fn caustic_twin(&mut self, scene: &Scene, settings: &PhotonSettings) -> Self {
         let start = Instant::now();
         let shot = self.caustic_counts.shot;
@@ -268,18 +269,20 @@ impl PhotonMaps {
 
     /// Returns the irradiance of all light that is not straight, at `p` on the side of the unit geometric normal `n`.
     ///
-    /// It is the estimate at the nearest of some points, so it is constant in cells; its radius is what it can resolve: what
-    /// is nearer to the surface than that is blurred away. `None` where no estimate is near on the same surface, which is
-    /// where hardly any photon came: its light is then nearly 0.
+    /// It is the estimate at the nearest of some points, so it is constant in cells; its radius is what it can resolve:
+    /// what is nearer to the surface than that is blurred away. `None` where no estimate is near on the same surface,
+    /// which is where hardly any photon came: its light is then nearly 0.
     #[must_use]
     pub fn global_irradiance(&self, p: Vec3A, n: Vec3A) -> Option<Irradiance> {
         self.global.as_ref()?.lookup(p, n)
     }
 
-    /// Returns the irradiance of light that came by mirrors and glass alone, at `p` on the side of the unit geometric normal `n`.
+    /// Returns the irradiance of light that came by mirrors and glass alone, at `p` on the side of the unit geometric
+    /// normal `n`.
     ///
-    /// Each photon spreads its flux over a disc of its own, so that caustics are blurred but neither gain nor lose light; the sum is divided by the share of
-    /// the discs that is surface, found with a few short rays: beside edges it would be too dark.
+    /// Each photon spreads its flux over a disc of its own, so that caustics are blurred but neither gain nor lose
+    /// light; the sum is divided by the share of the discs that is surface, found with a few short rays: beside edges
+    /// it would be too dark.
     #[must_use]
     pub fn caustic_irradiance(&self, scene: &Scene, p: Vec3A, n: Vec3A) -> Vec3 {
         let estimate = self.caustic_estimate(p, n);
@@ -292,8 +295,8 @@ impl PhotonMaps {
         coverage(scene, p, n, &self.caustic_estimate(p, n))
     }
 
-    /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet. Too dark within the radius of a disc of
-    /// edges, by a half at most beside a straight one.
+    /// The same without the test of edges, which takes most of the time: for surfaces that only gather rays meet. Too
+    /// dark within the radius of a disc of edges, by a half at most beside a straight one.
     #[must_use]
     pub fn quick_caustic_irradiance(&self, p: Vec3A, n: Vec3A) -> Vec3 {
         self.caustic_estimate(p, n).irradiance

@@ -1,7 +1,7 @@
 //! Shooting photons: from the lights, through the scene, into arrays.
 //!
-//! Photons carry flux, W. Two things differ from paths that carry radiance (Veach 1997, chapter 5): refraction does not scale flux by the
-//! square of the index, and where the shading normal is not the geometric one, a surface scatters by
+//! Photons carry flux, W. Two things differ from paths that carry radiance (Veach 1997, chapter 5): refraction does not
+//! scale flux by the square of the index, and where the shading normal is not the geometric one, a surface scatters by
 //!
 //! ```text
 //! f |cos(wi, n)| / pdf * (|cos(in, n)| |cos(out, ng)|) / (|cos(in, ng)| |cos(out, n)|)
@@ -10,7 +10,8 @@
 //! The ratio has no bound at grazing angles; it is cut at 4, which loses a little light on coarse smoothed meshes
 //! and nothing where the normals agree.
 //!
-//! All is done in blocks of fixed size, whose results are joined in their order: so the number of threads does not matter.
+//! All is done in blocks of fixed size, whose results are joined in their order: so the number of threads does not
+//! matter.
 
 use std::ops::Range;
 
@@ -33,7 +34,8 @@ const MAX_SURVIVAL: f32 = 0.99;
 /// Greatest correction for a shading normal.
 const MAX_CORRECTION: f32 = 4.0;
 
-/// Pilots of one round, and the rounds of learning; a round that finds less than `ENOUGH_USEFUL` is shot up to `MAX_REPEATS` times.
+/// Pilots of one round, and the rounds of learning; a round that finds less than `ENOUGH_USEFUL` is shot up to
+/// `MAX_REPEATS` times.
 const PILOTS: u32 = 1 << 15;
 const ROUNDS: u64 = 3;
 const ENOUGH_USEFUL: usize = 4096;
@@ -44,7 +46,8 @@ const MAX_REPEATS: u64 = 16;
 pub(super) enum Kind {
     /// At diffuse surfaces after at least one bounce of any kind: all light but that which comes straight.
     Global,
-    /// At diffuse surfaces after at least one mirror or glass and nothing else; the photon ends at the first other surface.
+    /// At diffuse surfaces after at least one mirror or glass and nothing else; the photon ends at the first other
+    /// surface.
     Caustic,
 }
 
@@ -315,7 +318,8 @@ impl Shot {
     }
 }
 
-/// Whether photons count on a surface. They do where a texture is black, too: places beside it, where it is not, count the photons around them.
+/// Whether photons count on a surface. They do where a texture is black, too: places beside it, where it is not, count
+/// the photons around them.
 fn is_kept(scene: &Scene, surface: &Surface) -> bool {
     scene.materials()[surface.material as usize].is_diffuse()
 }
@@ -325,7 +329,8 @@ fn received(surface: &Surface, direction: Vec3A) -> f32 {
     cosine_ratio(surface, direction).min(MAX_CORRECTION)
 }
 
-/// Returns |cos(w, n)| / |cos(w, ng)|: how much more light the shading normal makes of a flux than the surface receives.
+/// Returns |cos(w, n)| / |cos(w, ng)|: how much more light the shading normal makes of a flux than the surface
+/// receives.
 fn cosine_ratio(surface: &Surface, w: Vec3A) -> f32 {
     surface.n.dot(w).abs() / surface.ng.dot(w).abs().max(f32::MIN_POSITIVE)
 }

@@ -13,11 +13,13 @@ pub(crate) struct LobePlan {
     texture_alpha: f32,
     /// Most rays that are traced through a lobe for a primary sample, where neighbours do not share them.
     most_rays: u32,
-    /// Mean square of the relative error that is wanted of lobes whose samples are shared by neighbours; 0 where none are.
+    /// Mean square of the relative error that is wanted of lobes whose samples are shared by neighbours; 0 where none
+    /// are.
     pub(crate) noise: f32,
     /// Most batches of their samples that a tile of the picture takes; a power of two.
     pub(crate) batches: u32,
-    /// Things that move farther within a lobe from the middle of these neighbours to their ends may hide others from some of them: in widths of the lobe.
+    /// Things that move farther within a lobe from the middle of these neighbours to their ends may hide others from
+    /// some of them: in widths of the lobe.
     pub(crate) parallax: f32,
     /// Primary rays along a side of the picture by which lobes learn from where their light comes; 0 where they do not.
     pub(crate) learners: u32,
@@ -44,8 +46,8 @@ impl LobePlan {
         }
     }
 
-    /// Whether the glossy lobe of a point is traced, not read from a texture. Where there is a diffuse part too, a texture would serve the lobe alone, for
-    /// that part is interpolated.
+    /// Whether the glossy lobe of a point is traced, not read from a texture. Where there is a diffuse part too, a
+    /// texture would serve the lobe alone, for that part is interpolated.
     pub(crate) fn traces(&self, shading: &Shading) -> bool {
         shading.bsdf.has_glossy() && (shading.bsdf.has_diffuse() || shading.lobe_alpha() < self.texture_alpha)
     }
@@ -62,8 +64,9 @@ impl LobePlan {
         self.noise > 0.0 && self.traces(shading) && shading.lobe_alpha() >= MIN_ALPHA
     }
 
-    /// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the reflected light, or so narrow that it
-    /// sees about the same everywhere, and of these a `share` for a sample of which little comes to the eye; one for the lamps alone where a texture has the rest.
+    /// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the
+    /// reflected light, or so narrow that it sees about the same everywhere, and of these a `share` for a sample of
+    /// which little comes to the eye; one for the lamps alone where a texture has the rest.
     pub(crate) fn rays(&self, shading: &Shading, share: f32) -> u32 {
         /// From this width on a lobe takes its full number.
         const FULL_ALPHA: f32 = 0.1;
@@ -79,7 +82,8 @@ impl LobePlan {
         count.max(1)
     }
 
-    /// Whether a glossy lobe is traced with so many rays, see [`Self::rays`], that it shares them with a guide, and is wide enough for its cells.
+    /// Whether a glossy lobe is traced with so many rays, see [`Self::rays`], that it shares them with a guide, and is
+    /// wide enough for its cells.
     pub(crate) fn guides(&self, shading: &Shading, rays: u32) -> bool {
         /// About half the width of a cell, radians.
         const MIN_ALPHA: f32 = 0.08;

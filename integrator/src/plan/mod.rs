@@ -59,16 +59,16 @@ fn sample_quality(settings: &Settings) -> f32 {
     settings.spp.map_or(settings.quality, |spp| spp as f32 / 16.0)
 }
 
-/// Narrowest glossy lobe that is to be read from a texture, if its texels are fine enough: none for high qualities, for the noise of traced lobes falls with the
-/// number of their rays, and a texture has 64 x 64 texels at most.
+/// Narrowest glossy lobe that is to be read from a texture, if its texels are fine enough: none for high qualities, for
+/// the noise of traced lobes falls with the number of their rays, and a texture has 64 x 64 texels at most.
 fn wanted_texture_alpha(settings: &Settings) -> f32 {
     /// From this quality on all lobes are traced.
     const TRACED: f32 = 4.0;
     settings.study.texture_alpha.unwrap_or(if settings.quality < TRACED { 0.5 } else { f32::INFINITY })
 }
 
-/// Mean square of the relative error of primary samples, as if they were independent. The noise of samples falls faster than their number rises, that of records
-/// more slowly, most of all where samples are few: so this balances both.
+/// Mean square of the relative error of primary samples, as if they were independent. The noise of samples falls faster
+/// than their number rises, that of records more slowly, most of all where samples are few: so this balances both.
 fn noise(quality: f32) -> f32 {
     /// At quality 1; stratified samples have a twentieth to a half of it.
     const NOISE: f32 = 6e-4;

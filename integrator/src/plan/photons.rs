@@ -23,7 +23,8 @@ const GLOBAL: f32 = 400_000.0;
 /// Photons of the caustic map at quality 1, and those in the disc of each, where no more are needed.
 const CAUSTIC: f32 = 200_000.0;
 const NEIGHBOURS: f32 = 60.0;
-/// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else. And most altogether: a million takes 140 MB while discs are made.
+/// Most caustic photons a pixel at quality 1: beyond, they would take more time than all else. And most altogether: a
+/// million takes 140 MB while discs are made.
 const MOST_A_PIXEL: f32 = 32.0;
 const MOST: f32 = 4e6;
 /// The noise of caustics, as a share of that of primary samples.
@@ -34,7 +35,8 @@ impl PhotonPlan {
         let features = scene.features();
         let Settings { quality, study, .. } = settings;
         let lit = !scene.lights().is_empty();
-        // The noise of caustics is that of the number in a disc, their blur that of its size: above quality 1 both grow less, about alike.
+        // The noise of caustics is that of the number in a disc, their blur that of its size: above quality 1 both grow
+        // less, about alike.
         let finer = quality.max(1.0).sqrt();
         let shot =
             |photons: f32| study.photons.unwrap_or_else(|| round(photons * quality.sqrt(), 20_000.0, 10_000_000.0));
@@ -65,8 +67,9 @@ pub(crate) struct CausticBudget {
 }
 
 impl CausticBudget {
-    /// Returns how many photons there should be, and how many of them in a disc, if the caustics of the picture have this `noise` by `photons` with `neighbours` in a
-    /// disc. Noise and blur are to fall alike, the one by the number in a disc, the other by its size.
+    /// Returns how many photons there should be, and how many of them in a disc, if the caustics of the picture have
+    /// this `noise` by `photons` with `neighbours` in a disc. Noise and blur are to fall alike, the one by the number
+    /// in a disc, the other by its size.
     pub(crate) fn refined(&self, photons: u32, neighbours: u32, noise: f32) -> (u32, u32) {
         /// Less is not worth to spread all of them again.
         const WORTH: f32 = 1.25;

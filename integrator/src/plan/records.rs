@@ -20,13 +20,14 @@ pub(crate) struct RecordPlan {
     pub(crate) record: RecordSettings,
     /// Reach of records, as a share of the harmonic mean distance.
     spacing: f32,
-    /// Error that a record of irradiance may sum to over its ellipse, relative to its irradiance and to the picture: 1 is an error of 100 % on
-    /// all of it. Of one that is gathered, and of one that is reprojected.
+    /// Error that a record of irradiance may sum to over its ellipse, relative to its irradiance and to the picture: 1
+    /// is an error of 100 % on all of it. Of one that is gathered, and of one that is reprojected.
     pub(crate) error: f32,
     pub(crate) reprojected_error: f32,
     /// Whether records of irradiance reach as far as the Hessian says.
     pub(crate) by_hessian: bool,
-    /// Whether they know the gradients, stop at walls, reach little farther than their neighbours and leave gaps to others.
+    /// Whether they know the gradients, stop at walls, reach little farther than their neighbours and leave gaps to
+    /// others.
     pub(crate) gradients: bool,
     pub(crate) walls: bool,
     pub(crate) clamp: bool,
@@ -49,11 +50,11 @@ pub(crate) struct RecordPlan {
 
 /// Texels along a side of a gather that serves its own point alone, at quality 1.
 const GATHER_RESOLUTION: f32 = 16.0;
-/// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less serves fewer points
-/// than could be gathered for its rays.
+/// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less
+/// serves fewer points than could be gathered for its rays.
 const MIN_PIXELS: f32 = 1.0;
-/// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a gather has missed come between, and a record far out on a
-/// wide floor has no texel for the bodies of a close-up.
+/// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a
+/// gather has missed come between, and a record far out on a wide floor has no texel for the bodies of a close-up.
 const MAX_SHARE: f32 = 0.25;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
@@ -63,9 +64,10 @@ impl RecordPlan {
         let features = scene.features();
         let Settings { quality, study, method, .. } = settings;
         let has_textures = features.widest_metal >= wanted_texture_alpha(settings).max(f32::MIN_POSITIVE);
-        // The rim of a window in the sky and a lobe need more texels than irradiance does. Where a point may look for itself instead, by which it sees more for
-        // the same time, records of radiance reach less far: least where a look is cheap, as it is not with the rim of a sky in it. Without sky and textures
-        // reprojection takes no less time than the rays of a look, so that only points close to a record ask it.
+        // The rim of a window in the sky and a lobe need more texels than irradiance does. Where a point may look for
+        // itself instead, by which it sees more for the same time, records of radiance reach less far: least where a
+        // look is cheap, as it is not with the rim of a sky in it. Without sky and textures reprojection takes no less
+        // time than the rays of a look, so that only points close to a record ask it.
         let (record_n, look_n, spacing) = match (features.environment, has_textures) {
             (true, _) => (48.0, 24.0, 0.15),
             (false, true) => (40.0, 20.0, 0.2),
@@ -113,14 +115,15 @@ impl RecordPlan {
                 margins: study.margins != Some(false),
                 doubt: study.doubt != Some(false),
             },
-            // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a highlight.
+            // One lobe sees so few holes that the noise of each ray counts, and a ray that meets gloss may find a
+            // highlight.
             hole_step: study.step.unwrap_or(if features.glossy { 1 } else { 2 }),
             verify_side: study.verify.unwrap_or(2),
         }
     }
 
-    /// Resolution of a look from a point that was asked on the lattice of this stride, where there are records of radiance. Points that are asked late and
-    /// have no record lie in reliefs and corners, and serve few others.
+    /// Resolution of a look from a point that was asked on the lattice of this stride, where there are records of
+    /// radiance. Points that are asked late and have no record lie in reliefs and corners, and serve few others.
     pub(crate) fn look_n_at(&self, stride: usize) -> usize {
         let share = match stride {
             1 if self.look_n < self.n => 2.0 / 3.0,

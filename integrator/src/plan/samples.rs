@@ -14,21 +14,23 @@ pub(crate) struct SamplePlan {
     pub(crate) budget: Budget,
     /// Light samples a primary sample.
     pub(crate) light_samples: u32,
-    /// Primary rays along a side of the picture by which is learnt which lights reach what it shows; 0 where there is one at most.
+    /// Primary rays along a side of the picture by which is learnt which lights reach what it shows; 0 where there is
+    /// one at most.
     pub(crate) light_learners: u32,
 }
 
 /// From so many lights on, more of them are sampled.
 const MANY_LIGHTS: usize = 8;
-/// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light samples.
+/// Most samples a pixel at quality 1, in the mean, where that cannot be had; half of them where each takes eight light
+/// samples.
 const MOST_SPP: f32 = 48.0;
 
 impl SamplePlan {
     pub(super) fn new(scene: &Scene, settings: &Settings) -> Self {
         let light_count = scene.lights().count();
         let light_samples = settings.study.light_samples.unwrap_or(match light_count {
-            // Which of many is taken is most of the noise, and another one costs less than another primary ray. A lamp of many triangles counts as many,
-            // surroundings as one.
+            // Which of many is taken is most of the noise, and another one costs less than another primary ray. A lamp
+            // of many triangles counts as many, surroundings as one.
             MANY_LIGHTS.. => 8,
             0 | 1 if scene.lights().are_punctual() => 1,
             _ => 4,

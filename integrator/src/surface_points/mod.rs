@@ -1,5 +1,5 @@
-//! Points of the picture: primary rays through mirrors and glass to the surfaces that they show, one entry for each distinct
-//! surface in a pixel, so that antialiasing costs no gathers.
+//! Points of the picture: primary rays through mirrors and glass to the surfaces that they show, one entry for each
+//! distinct surface in a pixel, so that antialiasing costs no gathers.
 
 mod point;
 
@@ -36,7 +36,8 @@ pub(crate) struct PixelPoints {
 
 /// Mirrors and glass seen by a primary ray split it in both branches so often; beyond, one is chosen.
 const MAX_SPLITS: u32 = 2;
-/// From so many mirrors and boundaries on, roulette ends a primary ray even if it carries much; and it passes at most so many.
+/// From so many mirrors and boundaries on, roulette ends a primary ray even if it carries much; and it passes at most
+/// so many.
 const LONG_CHAIN: u32 = 16;
 const MAX_CHAIN: u32 = 1000;
 /// Branches that carry less than this are ended by roulette.
@@ -98,7 +99,8 @@ pub(crate) struct Primary<'a, S> {
 }
 
 impl<S: Secondary> Primary<'_, S> {
-    /// Learns which of several lights reach what the picture shows, and from where glossy lobes take their light, if there are any.
+    /// Learns which of several lights reach what the picture shows, and from where glossy lobes take their light, if
+    /// there are any.
     pub(crate) fn learn_guides(&mut self, rays: &mut RayCounts) {
         let Self { scene, plan, sky, size, seed, .. } = *self;
         if plan.samples.light_learners > 0 {
@@ -115,8 +117,8 @@ impl<S: Secondary> Primary<'_, S> {
         DirectTerm { scene, plan, secondary, sky, guide: self.guide.as_ref(), light_guide: self.light_guide.as_ref() }
     }
 
-    /// Traces samples of the pixel at `position`, which is number `pixel` of its band, until it has as many as `samples`: adds its light that needs
-    /// no cache, and its surface points.
+    /// Traces samples of the pixel at `position`, which is number `pixel` of its band, until it has as many as
+    /// `samples`: adds its light that needs no cache, and its surface points.
     pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
         let pixel = Pixel { position, number: pixel, key };

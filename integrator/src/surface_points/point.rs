@@ -60,7 +60,8 @@ pub(crate) struct Spread {
     turn: Vec3A,
 }
 
-/// So many samples of a pixel ask for caustics for each time that it is wider than the least of the discs by which they are blurred, up to a number.
+/// So many samples of a pixel ask for caustics for each time that it is wider than the least of the discs by which they
+/// are blurred, up to a number.
 const LOOKS_PER_RADIUS: f32 = 4.0;
 const MAX_LOOKS: f32 = 8.0;
 /// Samples whose normals differ by more are different surfaces.
@@ -69,8 +70,8 @@ const MIN_NORMAL_COS: f32 = 0.95;
 const PLANE_TOLERANCE: f32 = 0.01;
 
 impl SurfacePoint {
-    /// The mean place and normal of the samples. The place may lie off the surface, so no ray may start there, but what light there is at a small distance from a
-    /// point, a record knows.
+    /// The mean place and normal of the samples. The place may lie off the surface, so no ray may start there, but what
+    /// light there is at a small distance from a point, a record knows.
     pub(crate) fn middle(&self) -> (Vec3A, Vec3A) {
         let (surface, spread) = (&self.shading.surface, &self.spread);
         let is_flat = spread.turn == Vec3A::ZERO;
@@ -78,14 +79,16 @@ impl SurfacePoint {
         (surface.p + spread.offset / spread.count, n)
     }
 
-    /// The distance of the ends of the point from its middle, metres: half the length over which its samples lie, if they lie evenly along a line.
+    /// The distance of the ends of the point from its middle, metres: half the length over which its samples lie, if
+    /// they lie evenly along a line.
     pub(crate) fn half_length(&self) -> f32 {
         let Spread { count, offset, offset_sq, .. } = self.spread;
         let variance = (offset_sq - offset.length_squared() / count) / count;
         (3.0 * variance.max(0.0)).sqrt()
     }
 
-    /// Asks for caustics where one of the samples lies, unless there are enough: as many as are needed where the samples lie so far apart.
+    /// Asks for caustics where one of the samples lies, unless there are enough: as many as are needed where the
+    /// samples lie so far apart.
     pub(super) fn look_for_caustics(&mut self, secondary: &impl Secondary, surface: &Surface) {
         let is_first = self.caustics.count == 0;
         // Waves may spread a pixel over more than its width.
@@ -109,7 +112,8 @@ impl SurfacePoint {
 
     /// Adds a sample to the point of its surface, which is seen `length` metres away, or starts one; returns it.
     pub(super) fn add_to(self, points: &mut Vec<Self>, length: f32) -> &mut Self {
-        // Where a picture is black there is no diffuse part, which decides what becomes of gloss: such samples go ways of their own.
+        // Where a picture is black there is no diffuse part, which decides what becomes of gloss: such samples go ways
+        // of their own.
         let same = points.iter().position(|other| {
             other.chain == self.chain
                 && other.shading.bsdf.has_diffuse() == self.shading.bsdf.has_diffuse()
@@ -140,8 +144,8 @@ impl SurfacePoint {
 }
 
 impl CausticLooks {
-    /// Returns the mean radiance that they give a white surface, W m^-2 sr^-1. `coverage` tells of the point as a whole on what share of the discs that were searched
-    /// photons can be; it is asked where it matters.
+    /// Returns the mean radiance that they give a white surface, W m^-2 sr^-1. `coverage` tells of the point as a whole
+    /// on what share of the discs that were searched photons can be; it is asked where it matters.
     pub(crate) fn radiance(&self, coverage: impl FnOnce() -> f32) -> Vec3 {
         if self.count == 0 {
             return Vec3::ZERO;
@@ -182,8 +186,8 @@ impl Default for Spread {
     }
 }
 
-/// Moves a point that lies on an edge of its triangle, inwards by less than a pixel: from a seam rays slip through the neighbour and see
-/// what is behind, and whoever takes light from there would be misled.
+/// Moves a point that lies on an edge of its triangle, inwards by less than a pixel: from a seam rays slip through the
+/// neighbour and see what is behind, and whoever takes light from there would be misled.
 pub(super) fn off_seams(scene: &Scene, shading: Shading, ray: &Ray, hit: &Hit, footprint: f32) -> Shading {
     /// As a barycentric coordinate, it is nearer to an edge than this.
     const SEAM: f32 = 1e-5;
@@ -198,7 +202,8 @@ pub(super) fn off_seams(scene: &Scene, shading: Shading, ray: &Ray, hit: &Hit, f
     Shading { surface, ..shading }
 }
 
-/// Whether two places that are seen `length` metres away are of one surface: like normals, and each near the plane of the other.
+/// Whether two places that are seen `length` metres away are of one surface: like normals, and each near the plane of
+/// the other.
 pub(crate) fn same_surface(a: &Surface, b: &Surface, length: f32) -> bool {
     let tolerance = PLANE_TOLERANCE * length;
     let apart = b.p - a.p;

@@ -1,5 +1,6 @@
-//! The first term of eq. 7: light that comes straight from the sources, by light sampling with MIS; and with the same ray through
-//! the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that it reflects.
+//! The first term of eq. 7: light that comes straight from the sources, by light sampling with MIS; and with the same
+//! ray through the glossy lobe, the caustics and, where the lobe is too narrow for a texture, the indirect light that
+//! it reflects.
 
 use arrayvec::ArrayVec;
 use glam::{UVec2, Vec3, Vec3A};
@@ -76,7 +77,8 @@ impl Sight {
         move |wi| caustic + towards.as_ref().map_or(Vec3::ZERO, |towards| towards(-wi))
     }
 
-    /// Returns what a lobe at `p`, which sees this too and looks here with density `pdf`, counts of the light straight from the source beside light sampling.
+    /// Returns what a lobe at `p`, which sees this too and looks here with density `pdf`, counts of the light straight
+    /// from the source beside light sampling.
     pub(crate) fn emitted_to(&self, lights: &Lights, p: Vec3A, wi: Vec3A, pdf: f32) -> Vec3 {
         if self.emitted == Vec3::ZERO {
             return Vec3::ZERO;
@@ -97,9 +99,10 @@ impl Light {
 }
 
 impl<S: Secondary> DirectTerm<'_, S> {
-    /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for the diffuse lobe, not for the
-    /// glossy one, which takes a share of its usual rays, up to 1, or is left to neighbours. Returns also the variance of the mean of the light samples, of R, G
-    /// and B together; 0 of a single one.
+    /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for
+    /// the diffuse lobe, not for the glossy one, which takes a share of its usual rays, up to 1, or is left to
+    /// neighbours. Returns also the variance of the mean of the light samples, of R, G and B together; 0 of a single
+    /// one.
     pub(crate) fn sample(
         &self,
         shading: &Shading,
@@ -217,12 +220,14 @@ impl<S: Secondary> DirectTerm<'_, S> {
         Sight { wi, met: Some(met), emitted, caustic, reflection }
     }
 
-    /// Radiance of the sources at the ends of chains of mirrors and glass that start at a surface that a ray met: L_c along the ray. Black where it
-    /// is anything else.
+    /// Radiance of the sources at the ends of chains of mirrors and glass that start at a surface that a ray met: L_c
+    /// along the ray. Black where it is anything else.
     fn caustic_from(&self, met: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        /// Surfaces of a chain from which both ways are followed: one chosen by its share would find a lamp that glass mirrors seldom, and then all of it.
+        /// Surfaces of a chain from which both ways are followed: one chosen by its share would find a lamp that glass
+        /// mirrors seldom, and then all of it.
         const SPLITS: usize = 2;
-        /// Ways behind the first surface that carry less are followed as seldom as they carry less, for glass may keep them long.
+        /// Ways behind the first surface that carry less are followed as seldom as they carry less, for glass may keep
+        /// them long.
         const MIN_THROUGHPUT: f32 = 0.2;
         const MAX_CHAIN: usize = 64;
         if !met.bsdf.has_delta() {
@@ -230,7 +235,8 @@ impl<S: Secondary> DirectTerm<'_, S> {
         }
         let mut sampler = sampler.split();
         let mut sum = Vec3::ZERO;
-        // Where chains go on: the throughput, the part of it by which radiance changes in glass, the number of surfaces.
+        // Where chains go on: the throughput, the part of it by which radiance changes in glass, the number of
+        // surfaces.
         let mut stack = ArrayVec::<(Shading, Vec3, f32, usize), { SPLITS + 1 }>::new();
         stack.push((met, self.scene.transmittance(&met.surface), 1.0, 0));
         while let Some((shading, beta, radiance_scale, length)) = stack.pop() {
@@ -373,8 +379,8 @@ mod tests {
             assert!(mean > 0.0, "half of the lamps is seen");
             variance(&values) / (mean * mean)
         };
-        // The noise of the choice alone falls with the square of the number. Points that are independent on each lamp would still have the variance of half a
-        // lamp, 1 relative, over 64.
+        // The noise of the choice alone falls with the square of the number. Points that are independent on each lamp
+        // would still have the variance of half a lamp, 1 relative, over 64.
         assert!(noise(1) > 0.5, "one sample sees a lamp or does not");
         assert!(noise(64) < 0.25 / 64.0, "{}", noise(64));
     }

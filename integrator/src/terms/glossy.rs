@@ -1,4 +1,5 @@
-//! The second term of eq. 7 for rough surfaces: indirect light reflected by the glossy lobe, from the texture that a point sees.
+//! The second term of eq. 7 for rough surfaces: indirect light reflected by the glossy lobe, from the texture that a
+//! point sees.
 
 use glam::{Vec2, Vec3};
 use hemimap::Frame;
@@ -8,11 +9,12 @@ use scene::Lobes;
 use crate::sampler::{Rng, Sampler};
 use crate::secondary::Shading;
 
-/// The glossy lobe of a point as weights over the texels of a texture in `frame`, n x n: of each texel the integral of f cos. With the texture they sum to the
-/// reflected radiance.
+/// The glossy lobe of a point as weights over the texels of a texture in `frame`, n x n: of each texel the integral of
+/// f cos. With the texture they sum to the reflected radiance.
 ///
-/// A direction in each texel, or in each block of them where the lobe is much wider, suits wide lobes, and some chosen by the lobe suit those that are
-/// narrow or graze the surface; both are weighted by the balance heuristic (Veach 1997, 9.2.2). By the lobe alone, few samples decide on the weight of a bright texel.
+/// A direction in each texel, or in each block of them where the lobe is much wider, suits wide lobes, and some chosen
+/// by the lobe suit those that are narrow or graze the surface; both are weighted by the balance heuristic (Veach 1997,
+/// 9.2.2). By the lobe alone, few samples decide on the weight of a bright texel.
 pub(crate) fn lobe_weights(shading: &Shading, frame: &Frame, n: usize, key: u64, weights: &mut Vec<Vec3>) {
     weights.clear();
     weights.resize(n * n, Vec3::ZERO);
@@ -170,7 +172,8 @@ mod tests {
         }
     }
 
-    /// Of what one bright texel gives, wherever it is. By 128 samples of the lobe alone it would be 1.2 to 2.3 for the wide ones.
+    /// Of what one bright texel gives, wherever it is. By 128 samples of the lobe alone it would be 1.2 to 2.3 for the
+    /// wide ones.
     #[test]
     fn weight_of_a_texel_is_no_matter_of_chance() {
         const KEYS: u64 = 200;

@@ -1,18 +1,19 @@
 //! Where the light comes from that glossy surfaces reflect, learnt before the picture is made.
 //!
-//! A lamp that is seen by way of two glossy surfaces fills a small part of the first one's lobe, wherever the lobe alone says little of it: few samples find it, and
-//! those are bright. So some primary rays are traced beforehand, lobe samples with them, and the picture's tiles remember from where light came:
-//! for each side of the normal a density that is constant in the cells of the square of the area-preserving map,
+//! A lamp that is seen by way of two glossy surfaces fills a small part of the first one's lobe, wherever the lobe
+//! alone says little of it: few samples find it, and those are bright. So some primary rays are traced beforehand, lobe
+//! samples with them, and the picture's tiles remember from where light came: for each side of the normal a density
+//! that is constant in the cells of the square of the area-preserving map,
 //!
 //! ```text
 //! q = sqrt(mean over the cell of (f L cos / (cos / pi))^2),   normalised
 //! ```
-//! which has the least variance of all such densities. Half of the lobe's samples then follow q, weighted by the balance heuristic (Veach 1997) between both, so
-//! that q may be wrong without a bias.
+//! which has the least variance of all such densities. Half of the lobe's samples then follow q, weighted by the
+//! balance heuristic (Veach 1997) between both, so that q may be wrong without a bias.
 //!
 //! # Source
-//! Vorba et al. 2014, "On-line learning of parametric mixture models for light transport simulation", for guides learnt beforehand; Rath et al. 2020,
-//! "Variance-aware path guiding", for the root of the second moment.
+//! Vorba et al. 2014, "On-line learning of parametric mixture models for light transport simulation", for guides learnt
+//! beforehand; Rath et al. 2020, "Variance-aware path guiding", for the root of the second moment.
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -113,7 +114,8 @@ fn bin(wi: Vec3A) -> usize {
     place.y * BINS + place.x
 }
 
-/// What the tiles around one have learnt on the same side, farther ones and neighbouring cells counting less: for lessons are few.
+/// What the tiles around one have learnt on the same side, farther ones and neighbouring cells counting less: for
+/// lessons are few.
 fn blurred(cells: &[[f32; BINS * BINS]], tile: usize) -> [f32; BINS * BINS] {
     let mut sum = [0.0; BINS * BINS];
     for (near, weight) in around(tile) {

@@ -1,12 +1,12 @@
-//! The fourth term of eq. 7, indirect light on diffuse surfaces, and with it the soft sky and the gloss that textures carry: from
-//! the cache of records, or gathered at every point.
+//! The fourth term of eq. 7, indirect light on diffuse surfaces, and with it the soft sky and the gloss that textures
+//! carry: from the cache of records, or gathered at every point.
 //!
-//! A point that looks for itself has a record of radiance reprojected to it; one that no record serves, or whose verification rays
-//! disagree with what they meet, gathers, and becomes a record of radiance itself. Records are made in batches of fixed order and
-//! frozen while they are read, so the result does not depend on the number of threads.
+//! A point that looks for itself has a record of radiance reprojected to it; one that no record serves, or whose
+//! verification rays disagree with what they meet, gathers, and becomes a record of radiance itself. Records are made
+//! in batches of fixed order and frozen while they are read, so the result does not depend on the number of threads.
 //!
-//! Diffuse points need not all look for themselves: what one sees, by reprojection or by a gather, makes it a record of irradiance with
-//! derivatives, and those around it take their light from that ([`irradiance_cache`]).
+//! Diffuse points need not all look for themselves: what one sees, by reprojection or by a gather, makes it a record of
+//! irradiance with derivatives, and those around it take their light from that ([`irradiance_cache`]).
 
 use glam::{UVec2, Vec3};
 use hemimap::Frame;
@@ -80,8 +80,8 @@ pub(crate) struct IndirectTerm<'a, S> {
     pub(crate) witness: Option<&'a Witness>,
 }
 
-/// Smallest batch of records, and the share of the missing ones that a batch takes: a batch must leave room for its records to
-/// serve the rest.
+/// Smallest batch of records, and the share of the missing ones that a batch takes: a batch must leave room for its
+/// records to serve the rest.
 const MIN_BATCH: usize = 64;
 const BATCH_SHARE: usize = 4;
 
@@ -142,8 +142,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         point.shading.bsdf.has_diffuse() || self.plan.lobes.reads_texture(&point.shading)
     }
 
-    /// Reprojects to the points `todo`, which a lattice of this `stride` asks, in passes: what the records can serve is served, a batch of the others becomes records, and the
-    /// rest asks again.
+    /// Reprojects to the points `todo`, which a lattice of this `stride` asks, in passes: what the records can serve is
+    /// served, a batch of the others becomes records, and the rest asks again.
     pub(crate) fn reproject(
         &self,
         points: &[SurfacePoint],
@@ -262,8 +262,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         Answer::Served(Look { incident, record }, shares, tracer.rays)
     }
 
-    /// Asks four rays whether the elements are where the record says, and sixteen more where two of them disagree or all fell into holes. Whether the
-    /// record holds, and what the first and the second rays found.
+    /// Asks four rays whether the elements are where the record says, and sixteen more where two of them disagree or
+    /// all fell into holes. Whether the record holds, and what the first and the second rays found.
     fn verify(
         &self,
         workspace: &mut Workspace,
@@ -273,7 +273,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     ) -> (bool, Verdict, Option<Verdict>) {
         /// Half of the first rays are in doubt...
         const DOUBT: f32 = 0.5;
-        /// ... and a fifth of the second ones refuse the record: four rays alone would refuse good ones at their silhouettes.
+        /// ... and a fifth of the second ones refuse the record: four rays alone would refuse good ones at their
+        /// silhouettes.
         const REFUSED: f32 = 0.2;
         let side = self.plan.records.verify_side;
         if side == 0 {
@@ -288,7 +289,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         (share(second) < REFUSED, first, Some(second))
     }
 
-    /// What a point sees by a gather of `look_n x look_n` rays, and the record of radiance that comes of it, if that would repay its rays.
+    /// What a point sees by a gather of `look_n x look_n` rays, and the record of radiance that comes of it, if that
+    /// would repay its rays.
     fn make_record(
         &self,
         point: &SurfacePoint,
@@ -327,7 +329,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         (record, look, rays)
     }
 
-    /// [`hole_step`] of a reprojection of n x n texels, against a ray for each texel of a look: more, where texels are divided, tell it more too.
+    /// [`hole_step`] of a reprojection of n x n texels, against a ray for each texel of a look: more, where texels are
+    /// divided, tell it more too.
     fn hole_step(&self, holes: f32, n: usize, look_n: usize) -> Option<u32> {
         hole_step(holes * (n * n) as f32, (look_n * look_n) as f32, self.plan.records.hole_step)
     }
@@ -384,10 +387,11 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     }
 }
 
-/// The side of the smallest blocks of texels, up to `most`, for which a ray a block through so many texels of holes is a better use of rays than a look of
-/// so many; `None` where the look is.
+/// The side of the smallest blocks of texels, up to `most`, for which a ray a block through so many texels of holes is
+/// a better use of rays than a look of so many; `None` where the look is.
 fn hole_step(texels: f32, look_rays: f32, most: u32) -> Option<u32> {
-    /// The rays that holes may take, as a share of those of a look: what so few rays see of the holes has the noise of a look.
+    /// The rays that holes may take, as a share of those of a look: what so few rays see of the holes has the noise of
+    /// a look.
     const WORTH: f32 = 0.5;
     (1..=most).find(|step| texels / (step * step) as f32 <= WORTH * look_rays)
 }

@@ -1,13 +1,15 @@
 //! Which of several lights reach what the picture shows, learnt before it is made.
 //!
-//! What chooses a light knows its flux, distance and direction, but not what stands between: in a house most lamps shine in other rooms. So some primary
-//! rays are traced beforehand, light samples with them, and the picture's tiles remember for each side of the normal which lights they found:
+//! What chooses a light knows its flux, distance and direction, but not what stands between: in a house most lamps
+//! shine in other rooms. So some primary rays are traced beforehand, light samples with them, and the picture's tiles
+//! remember for each side of the normal which lights they found:
 //!
 //! ```text
 //! q(l) = sqrt(mean over the tile of (f L cos / p)^2 where l was chosen),   normalised
 //! ```
-//! p being the density of the direction alone. By itself q would have the least variance of all choices that know no more. Half of the light samples choose by
-//! it, and each counts by the mean of both probabilities, so that q may be wrong without a bias.
+//! p being the density of the direction alone. By itself q would have the least variance of all choices that know no
+//! more. Half of the light samples choose by it, and each counts by the mean of both probabilities, so that q may be
+//! wrong without a bias.
 //!
 //! # Source
 //! As for the guide of lobes: Vorba et al. 2014, Rath et al. 2020; the balance heuristic of Veach 1997.
@@ -28,7 +30,8 @@ use crate::statistics::{RayCounts, map_counting};
 const LIGHT_SAMPLES: u32 = 8;
 /// Most mirrors and panes before a surface that learns.
 const MAX_CHAIN: usize = 8;
-/// Share of the light samples that choose by what was learnt. With more, what the lessons missed is brighter, and there are outliers.
+/// Share of the light samples that choose by what was learnt. With more, what the lessons missed is brighter, and there
+/// are outliers.
 const GUIDED: f32 = 0.5;
 /// Keeps these random numbers apart from those of the picture.
 const STREAM: u64 = 0x6c69_6768_7473;
@@ -50,7 +53,8 @@ struct Lesson {
 }
 
 impl LightGuide {
-    /// Learns from `side` x `side` primary rays of a picture of `size` pixels; `None` where they find no light on a diffuse surface.
+    /// Learns from `side` x `side` primary rays of a picture of `size` pixels; `None` where they find no light on a
+    /// diffuse surface.
     pub(crate) fn learn(
         scene: &Scene,
         sky: Option<&SkySplit>,
@@ -97,7 +101,8 @@ fn ranges(lessons: &[Lesson]) -> Vec<Range<usize>> {
         .collect()
 }
 
-/// Whether the light samples of a surface are those that guides know: without gloss, whose own samples are weighted by another density.
+/// Whether the light samples of a surface are those that guides know: without gloss, whose own samples are weighted by
+/// another density.
 pub(crate) fn takes_guide(shading: &Shading) -> bool {
     shading.bsdf.has_diffuse() && !shading.bsdf.has_glossy()
 }
@@ -173,7 +178,8 @@ pub(crate) struct LightChoice {
 }
 
 impl LightChoice {
-    /// Makes the choice from the second moments of lights, each of which may come several times; `None` where there are none.
+    /// Makes the choice from the second moments of lights, each of which may come several times; `None` where there are
+    /// none.
     fn new(mut moments: Vec<(usize, f32)>) -> Option<Self> {
         moments.sort_by_key(|moment| moment.0);
         let by_light = moments.chunk_by(|a, b| a.0 == b.0);
@@ -192,7 +198,8 @@ impl LightChoice {
         Some(Self { lights, sums })
     }
 
-    /// Chooses a light, by what is known here or without, and a direction to it; the density is that of both ways together.
+    /// Chooses a light, by what is known here or without, and a direction to it; the density is that of both ways
+    /// together.
     pub(crate) fn direction<'a>(
         &self,
         lights: &mut SeenLights<'a>,
@@ -225,7 +232,8 @@ mod tests {
     use glam::{Vec3, Vec3A};
     use scene::{Camera, Description, Material, Mesh, PunctualLight};
 
-    /// A floor under a roof at y = 2 with two lamps below it; the `hidden` ones above it shine on nothing that the camera sees.
+    /// A floor under a roof at y = 2 with two lamps below it; the `hidden` ones above it shine on nothing that the
+    /// camera sees.
     fn roofed(hidden: u32) -> Scene {
         let mesh = Mesh {
             positions: [square(4.0, 0.0), square(9.0, 2.0)].concat(),

@@ -1,7 +1,7 @@
 //! The terms of eq. 7, each in a file of its own.
 //!
-//! `emitted` needs none: primary rays meet it (see `surface_points`). The specular term of mirrors and glass is the light of the
-//! surfaces that they show, so it is found there as well.
+//! `emitted` needs none: primary rays meet it (see `surface_points`). The specular term of mirrors and glass is the
+//! light of the surfaces that they show, so it is found there as well.
 
 pub(crate) mod direct;
 pub(crate) mod glossy;

@@ -1,8 +1,8 @@
-//! Indirect light of points that are wider than records reach: where a surface is seen so flatly that light changes within the pixel, as in the gap
-//! above a lamp or along the foot of a wall.
+//! Indirect light of points that are wider than records reach: where a surface is seen so flatly that light changes
+//! within the pixel, as in the gap above a lamp or along the foot of a wall.
 //!
-//! What one place of such a point sees is no more than a sample of its light, and a poor one. So it is looked at from several of its places, as primary rays find
-//! them, and with about as many rays in all as one look takes.
+//! What one place of such a point sees is no more than a sample of its light, and a poor one. So it is looked at from
+//! several of its places, as primary rays find them, and with about as many rays in all as one look takes.
 
 use glam::Vec3;
 use rayon::prelude::*;

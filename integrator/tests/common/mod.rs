@@ -128,8 +128,8 @@ impl Builder {
 
 /// Asserts that estimates of independent seeds have the mean `oracle`.
 ///
-/// Limit 4.5 standard errors from the spread over the seeds (t with 31 degrees: p = 9e-5), which must be at most `precision` of the
-/// oracle, or the test would say nothing.
+/// Limit 4.5 standard errors from the spread over the seeds (t with 31 degrees: p = 9e-5), which must be at most
+/// `precision` of the oracle, or the test would say nothing.
 pub fn assert_unbiased(estimates: &[f64], oracle: f64, precision: f64, what: &str) {
     let n = estimates.len() as f64;
     let mean = estimates.iter().sum::<f64>() / n;
@@ -140,7 +140,8 @@ pub fn assert_unbiased(estimates: &[f64], oracle: f64, precision: f64, what: &st
     assert!((mean - oracle).abs() <= 4.5 * error, "{what}: {mean} instead of {oracle}, standard error {error}");
 }
 
-/// The first channel of each term and of the sum, as the path tracer estimates them for a ray: one mean of `samples` for each seed.
+/// The first channel of each term and of the sum, as the path tracer estimates them for a ray: one mean of `samples`
+/// for each seed.
 pub struct Estimates {
     pub emitted: Vec<f64>,
     pub direct: Vec<f64>,
@@ -179,7 +180,8 @@ pub fn estimate(scene: &Scene, origin: Vec3A, direction: Vec3A, samples: u32) ->
     }
 }
 
-/// Lambert's formula: the irradiance at the origin, normal `n`, from a polygon of radiance 1 that lies wholly above the horizon.
+/// Lambert's formula: the irradiance at the origin, normal `n`, from a polygon of radiance 1 that lies wholly above the
+/// horizon.
 pub fn polygon_irradiance(corners: &[DVec3], n: DVec3) -> f64 {
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));
     let sum: f64 = edges

@@ -11,10 +11,12 @@ use crate::{Masks, Settings, Trails};
 pub(crate) const KEPT: usize = 8;
 /// And nearly all of these have no more than so many.
 pub(crate) const LOW: usize = 4;
-/// Layer masks that elements take in turn: one would wait for what the element before has just written to overlapping rows.
+/// Layer masks that elements take in turn: one would wait for what the element before has just written to overlapping
+/// rows.
 pub(crate) const TURNS: usize = 4;
 
-/// Corners whose cosine is this little below the horizon are on it: rounding of a rotation moves those of the rim so far.
+/// Corners whose cosine is this little below the horizon are on it: rounding of a rotation moves those of the rim so
+/// far.
 pub(crate) const HORIZON: f32 = 1e-6;
 
 /// One of something for each of 16 polygons.

@@ -1,4 +1,5 @@
-//! Elements that reach below the horizon of the point, where a corner has no place in the square that would do: straight edges to it would fold back into the disk.
+//! Elements that reach below the horizon of the point, where a corner has no place in the square that would do:
+//! straight edges to it would fold back into the disk.
 
 use glam::Vec3A;
 
@@ -12,8 +13,9 @@ pub(super) fn space(task: &Task<'_>, e: usize) -> [Vec3A; 4] {
     [0, 1, 2, 3].map(|k| task.rotation * (task.elements.corner(e, k) - offset))
 }
 
-/// Lifts the corners of element `e` that are below the horizon to where its edges cross it, as long as four corners do: so unless one is below between two that
-/// are not. Gives its [`kind`]: of an element that is cut otherwise, or wholly below, or of any.
+/// Lifts the corners of element `e` that are below the horizon to where its edges cross it, as long as four corners do:
+/// so unless one is below between two that are not. Gives its [`kind`]: of an element that is cut otherwise, or wholly
+/// below, or of any.
 #[cold]
 pub(super) fn lift(task: &Task<'_>, places: &mut Places, e: usize) -> u8 {
     let space = space(task, e);
@@ -56,7 +58,8 @@ mod tests {
     use crate::kernel::Board;
     use crate::{Settings, Workspace};
 
-    /// The kinds of the elements of a ball of radius 1 that a point at its centre sees with a normal turned by `angle`, by how many corners are below its horizon.
+    /// The kinds of the elements of a ball of radius 1 that a point at its centre sees with a normal turned by `angle`,
+    /// by how many corners are below its horizon.
     fn kinds(angle: f32) -> [Vec<u8>; 5] {
         let samples = Samples::from_fn(16, |wi| (Vec3::ONE, 1.0, -wi));
         let frame = Frame::from_normal(Vec3A::Z);

@@ -27,7 +27,8 @@ pub(super) fn fill<W: Word>(task: &Task<'_>, board: &mut Board<W>) {
             continue;
         }
         if silhouettes {
-            // Before the layer itself fills anything: what was uncovered is not seen through the surface that uncovered it.
+            // Before the layer itself fills anything: what was uncovered is not seen through the surface that uncovered
+            // it.
             let trails = trails_before(places, trail, task.elements.outline().layer(layer).end);
             trail = trails.end;
             if !trails.is_empty() {
@@ -85,13 +86,14 @@ fn elements<W: Word>(places: &mut Places, grid: &mut Grid<W>, start: usize, end:
     }
 }
 
-/// Counts a texel for element `e` of layer number `layer`, which covers no texel's centre, if its own middle is open, so that it weighs by its
-/// area. Else light would be lost where elements shrink on their way: of those smaller than a texel, only the few that meet a centre
-/// would weigh, by that area. It closes nothing, for the few that meet a centre close on average what all of them cover.
+/// Counts a texel for element `e` of layer number `layer`, which covers no texel's centre, if its own middle is open,
+/// so that it weighs by its area. Else light would be lost where elements shrink on their way: of those smaller than a
+/// texel, only the few that meet a centre would weigh, by that area. It closes nothing, for the few that meet a centre
+/// close on average what all of them cover.
 #[inline(always)]
 fn count_small<W: Word>(places: &mut Places, grid: &Grid<W>, n: usize, layer: usize, e: usize) {
-    /// What so many layers before have filled closes no middle: it is mostly the same surface, whose elements each cover a part of the texel. Without this a
-    /// room of plain walls would lose 1 % of its light (by 16 layers).
+    /// What so many layers before have filled closes no middle: it is mostly the same surface, whose elements each
+    /// cover a part of the texel. Without this a room of plain walls would lose 1 % of its light (by 16 layers).
     const SAME_SURFACE: usize = 4;
     let middle = places.quad(e).into_iter().sum::<Vec2>() / 4.0;
     #[expect(clippy::cast_possible_truncation, reason = "n <= 64")]
@@ -213,7 +215,8 @@ fn end_layer<W: Word>(grid: &mut Grid<W>, layer: usize, swept: bool) {
     }
 }
 
-/// Draws an element that is cut by the horizon, tall, or fills nothing; whether it fills or makes unknown what it covers.
+/// Draws an element that is cut by the horizon, tall, or fills nothing; whether it fills or makes unknown what it
+/// covers.
 #[cold]
 fn special<W: Word>(task: &Task<'_>, places: &mut Places, grid: &mut Grid<W>, e: usize) -> bool {
     let mut bits: Rows = [0; MAX_RESOLUTION];

@@ -1,4 +1,5 @@
-//! The body of the wide kernels: plain loops over 16 lanes, which the compiler makes as wide as the function that they are inlined into allows.
+//! The body of the wide kernels: plain loops over 16 lanes, which the compiler makes as wide as the function that they
+//! are inlined into allows.
 
 #![expect(clippy::cast_possible_truncation, reason = "elements are at most 64 x 64, rows at most 64")]
 #![expect(clippy::needless_range_loop, reason = "one index for many arrays")]
@@ -176,17 +177,19 @@ fn first_centre(x: f32, scale: f32) -> u32 {
     (shifted.to_bits() + up) & 0x7f
 }
 
-/// The whole number nearest to a crossing with an edge in the square, in texels: as many centres lie at its left. It is at most rounding outside of the square,
-/// so that nothing need be cut off.
+/// The whole number nearest to a crossing with an edge in the square, in texels: as many centres lie at its left. It is
+/// at most rounding outside of the square, so that nothing need be cut off.
 #[inline(always)]
 fn nearest_whole(x: f32) -> u32 {
     (x + ROUND).to_bits() & 0x7f
 }
 
-/// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also below 0, and leaves that in the low bits.
+/// From 2^23 to 2^24 neighbouring numbers are 1 apart, so adding a number amid them rounds to a whole number, also
+/// below 0, and leaves that in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
-/// The rows of 16 quadrilaterals with corners in the square, from the first row of each on; tells which cover nothing, as far as that was drawn.
+/// The rows of 16 quadrilaterals with corners in the square, from the first row of each on; tells which cover nothing,
+/// as far as that was drawn.
 #[inline(always)]
 fn spans<W: Word>(
     u: &Quads,

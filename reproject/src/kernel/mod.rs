@@ -72,8 +72,8 @@ impl Kernel {
     }
 }
 
-/// One reprojection onto masks of which some bits may be filled already. Gives sums over elements by their shares: weight, then red, green,
-/// blue from a distance, then the same from infinity.
+/// One reprojection onto masks of which some bits may be filled already. Gives sums over elements by their shares:
+/// weight, then red, green, blue from a distance, then the same from infinity.
 #[expect(unsafe_code, reason = "the one place where a kernel is called")]
 pub(crate) fn run<W: Word>(kernel: Kernel, task: &Task<'_>, masks: &mut Masks, board: &mut Board<W>) -> [f32; 7] {
     let project: unsafe fn(&Task<'_>, &mut Masks, &mut Board<W>) -> [f32; 7] = match kernel {

@@ -1,4 +1,5 @@
-//! The specification: one element after another. And the map of corners in space to the square, which all kernels share.
+//! The specification: one element after another. And the map of corners in space to the square, which all kernels
+//! share.
 
 #![expect(clippy::cast_possible_truncation, reason = "elements are at most 64 x 64, rows at most 64")]
 
@@ -18,9 +19,10 @@ const FOUR_OVER_PI: f32 = 4.0 * std::f32::consts::FRAC_1_PI;
 
 /// Projects the corners of all elements to the square of another point.
 ///
-/// `rotation` turns the record's frame into that of the point, `offset` is the point relative to the record in the record's frame.
-/// For corner k of element e, `u[k][e]` and `v[k][e]` get its place in the square and `z[k][e]` its height above the tangent plane;
-/// below the horizon, where z is negative, the place is the nearest one on the rim. Slices are `elements.padded_len()` long.
+/// `rotation` turns the record's frame into that of the point, `offset` is the point relative to the record in the
+/// record's frame. For corner k of element e, `u[k][e]` and `v[k][e]` get its place in the square and `z[k][e]` its
+/// height above the tangent plane; below the horizon, where z is negative, the place is the nearest one on the rim.
+/// Slices are `elements.padded_len()` long.
 ///
 /// # Panics
 /// If an output is shorter than that.
@@ -58,14 +60,15 @@ pub fn project_corners(
     }
 }
 
-/// The place in the square of a direction of any length in the local frame; on the rim for what lies below the horizon. The
-/// direction of no length maps to the centre.
+/// The place in the square of a direction of any length in the local frame; on the rim for what lies below the horizon.
+/// The direction of no length maps to the centre.
 #[inline(always)]
 pub(super) fn to_square(x: f32, y: f32, z: f32) -> (f32, f32) {
     place_in_square(x, y, quotients(x, y, z))
 }
 
-/// The divisions of [`to_square`]: the square of the sine of the angle to the normal, and the lesser of |x| and |y| over the greater.
+/// The divisions of [`to_square`]: the square of the sine of the angle to the normal, and the lesser of |x| and |y|
+/// over the greater.
 #[inline(always)]
 pub(super) fn quotients(x: f32, y: f32, z: f32) -> (f32, f32) {
     // By comparison, for it is one instruction; `f32::max` is more.

@@ -1,4 +1,5 @@
-//! Lanes of 128 bits, which every processor of this architecture has: SSE2 on x86-64, so that nothing has to be enabled or asked.
+//! Lanes of 128 bits, which every processor of this architecture has: SSE2 on x86-64, so that nothing has to be enabled
+//! or asked.
 
 use super::board::{Board, Task, Word};
 use crate::Masks;

@@ -5,7 +5,8 @@ use radcache::{Elements, LANES};
 use super::board::{Places, Task};
 use crate::AreaWeights;
 
-/// Sums radiance by shares in 16 lanes, element e in lane e mod 16, and adds the lanes in order: the same for every kernel.
+/// Sums radiance by shares in 16 lanes, element e in lane e mod 16, and adds the lanes in order: the same for every
+/// kernel.
 #[inline(always)]
 pub(super) fn sum(task: &Task<'_>, places: &Places) -> [f32; 7] {
     let Elements { radiance, background_share, .. } = task.elements;

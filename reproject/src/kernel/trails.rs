@@ -1,9 +1,12 @@
-//! Trails: what something unknown may have come into view in, between the record and the new point (paper, section 5.3).
+//! Trails: what something unknown may have come into view in, between the record and the new point (paper, section
+//! 5.3).
 //!
-//! A silhouette that retreats leaves what it uncovers, and a margin besides. It lies somewhere in a texel, and whether that texel belongs to the near or to the far
-//! surface is what one ray there met. Where the surface then retreats, new rays find what it really left free beyond its side, but if it had been given too
-//! much, nobody would look for that: it would keep a sixth of a texel too much on the average. So what the side has just left behind it is unknown as far
-//! inside as the trail is wide, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette that advances covers its trail itself.
+//! A silhouette that retreats leaves what it uncovers, and a margin besides. It lies somewhere in a texel, and whether
+//! that texel belongs to the near or to the far surface is what one ray there met. Where the surface then retreats, new
+//! rays find what it really left free beyond its side, but if it had been given too much, nobody would look for that:
+//! it would keep a sixth of a texel too much on the average. So what the side has just left behind it is unknown as far
+//! inside as the trail is wide, up to a texel: then errors of both signs are seen by rays, or neither is. A silhouette
+//! that advances covers its trail itself.
 
 #![expect(clippy::cast_possible_truncation, reason = "at most 4 x 64 x 64 sides")]
 #![expect(clippy::needless_range_loop, reason = "one index for many arrays")]
@@ -16,8 +19,8 @@ use super::lanes::{Quads, lanes, max, min};
 use super::scalar::{direction_to_square, to_square};
 use crate::Trails;
 
-/// Lists what leaves a trail, in order: sides that retreat, or elements that move. Gives their number; the list is padded to whole chunks of lanes with the first
-/// side or element.
+/// Lists what leaves a trail, in order: sides that retreat, or elements that move. Gives their number; the list is
+/// padded to whole chunks of lanes with the first side or element.
 #[inline(always)]
 pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
     let list = &mut places.trails;
@@ -52,7 +55,8 @@ pub(super) fn list_trails(task: &Task<'_>, places: &mut Places) -> usize {
     count
 }
 
-/// What 16 of the listed trails cover: for a side what it left, else the rectangle that encloses an element at both places.
+/// What 16 of the listed trails cover: for a side what it left, else the rectangle that encloses an element at both
+/// places.
 #[inline(always)]
 pub(super) fn trail_quads(task: &Task<'_>, places: &Places, at: usize) -> (Quads, Quads) {
     let numbers = lanes(&places.trails, at);
@@ -125,9 +129,10 @@ fn follow(before: [f32; 2], now: [f32; 2], share: f32) -> [f32; 2] {
     [0, 1].map(|axis| before[axis] + share * (now[axis] - before[axis]))
 }
 
-/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from where the trail starts, `before`, to where that end is
-/// `now`, and as far again on the same line, but at most by the margin: sides that meet there agree, and leave no gap between their trails. Nowhere if it went
-/// outwards; a side that shrank to nothing leaves all from its start on.
+/// How far a trail reaches at one end of a side that runs between `ends`, with its element on the left: from where the
+/// trail starts, `before`, to where that end is `now`, and as far again on the same line, but at most by the margin:
+/// sides that meet there agree, and leave no gap between their trails. Nowhere if it went outwards; a side that shrank
+/// to nothing leaves all from its start on.
 #[inline(always)]
 fn left_behind(before: [f32; 2], now: [f32; 2], ends: [[f32; 2]; 2], margin: f32) -> [f32; 2] {
     /// So that no division needs a branch.

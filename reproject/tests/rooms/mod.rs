@@ -1,4 +1,5 @@
-//! Small analytic scenes of rectangles, discs and spheres, with a ray caster of its own: the oracle of tests and benches.
+//! Small analytic scenes of rectangles, discs and spheres, with a ray caster of its own: the oracle of tests and
+//! benches.
 
 #![allow(dead_code, unreachable_pub, reason = "each test takes what it needs, and the benches all of it")]
 
@@ -84,7 +85,8 @@ impl Scene {
         }
     }
 
-    /// The room of the Cornell box, 2 x 2 x 2 around the origin, with two blocks and a lamp that is a patch of its ceiling.
+    /// The room of the Cornell box, 2 x 2 x 2 around the origin, with two blocks and a lamp that is a patch of its
+    /// ceiling.
     pub fn cornell() -> Self {
         let mut scene = Self::default();
         scene.add_box(Vec3A::ZERO, Vec3A::ONE, 0.0, Vec3::new(0.5, 0.4, 0.3));
@@ -177,8 +179,8 @@ pub fn record(
     record_in(look, p, Frame::from_normal(normal), n, settings)
 }
 
-/// Number `kind` of the kinds of records: as a renderer makes them; in large elements, of which many are tall or cut by the horizon; as the paper does; and one of which
-/// every third texel holds for its own place only.
+/// Number `kind` of the kinds of records: as a renderer makes them; in large elements, of which many are tall or cut by
+/// the horizon; as the paper does; and one of which every third texel holds for its own place only.
 pub fn every_kind_of_record(scene: &Scene, from: Vec3A, n: usize, kind: u64) -> Record {
     let usual = MergeSettings::default();
     let settings = match kind % 4 {
@@ -233,8 +235,9 @@ impl<F: Fn(Vec3A, Vec3A) -> Seen> Tracer for Rays<F> {
     }
 }
 
-/// What elements weigh and the holes together, before they are normalised to one: for a record that saw red light of radiance 1 alone, which was just
-/// projected. Where holes are black, what is left of the light is the part of the elements. NaN where there are no holes.
+/// What elements weigh and the holes together, before they are normalised to one: for a record that saw red light of
+/// radiance 1 alone, which was just projected. Where holes are black, what is left of the light is the part of the
+/// elements. NaN where there are no holes.
 pub fn weight_before_normalising(workspace: &mut Workspace, shares: Shares) -> f32 {
     workspace.trace_holes(1, 1, &mut Rays(Vec3A::ZERO, |_, wi: Vec3A| (Vec3::ZERO, 1.0, -wi)));
     shares.holes / (1.0 - workspace.mean_radiance().x)

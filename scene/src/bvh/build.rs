@@ -21,18 +21,20 @@ pub(crate) enum Primitive {
     Nothing,
 }
 
-/// Boxes grow by a hash of up to this share of their extent: equal boxes in a row would tie in the builder, which then makes
-/// trees as deep as the row is long.
+/// Boxes grow by a hash of up to this share of their extent: equal boxes in a row would tie in the builder, which then
+/// makes trees as deep as the row is long.
 const GROWTH: f32 = 1e-4;
 
-/// And by a hash of up to so many units in the last place, without which the growth of small boxes far from the origin would be rounded off.
+/// And by a hash of up to so many units in the last place, without which the growth of small boxes far from the origin
+/// would be rounded off.
 const ULPS: f32 = 4.0;
 
-/// Boxes grow by this share of the scene's diagonal besides: a triangle's sheared corners are rounded by some units of roundoff of their distance
-/// from the ray's origin, and a ray must enter the box of whatever triangle takes it.
+/// Boxes grow by this share of the scene's diagonal besides: a triangle's sheared corners are rounded by some units of
+/// roundoff of their distance from the ray's origin, and a ray must enter the box of whatever triangle takes it.
 const PADDING: f32 = 4e-7;
 
-/// Deeper trees, which boxes within boxes make, are replaced by an even one. The wide tree is no deeper than the binary one.
+/// Deeper trees, which boxes within boxes make, are replaced by an even one. The wide tree is no deeper than the binary
+/// one.
 pub(super) const MAX_DEPTH: usize = 128;
 
 impl Bvh {
@@ -109,10 +111,11 @@ fn unit_hash(index: u32, axis: u32) -> f32 {
 
 /// Builds a tree by clustering, of which nodes are tried elsewhere then.
 pub(super) fn clustered(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
-    // Part of the nodes that are tried elsewhere in the tree. More of a large tree make no ray faster by more than a hundredth.
+    // Part of the nodes that are tried elsewhere in the tree. More of a large tree make no ray faster by more than a
+    // hundredth.
     const REINSERTION: f32 = 0.1;
-    // But at least so many, and of small trees all in most of the passes: clustering joins the walls of rooms to boxes as large as the room, and to try all nodes
-    // elsewhere saves a fifth of the tree's instructions in a Cornell box.
+    // But at least so many, and of small trees all in most of the passes: clustering joins the walls of rooms to boxes
+    // as large as the room, and to try all nodes elsewhere saves a fifth of the tree's instructions in a Cornell box.
     const LEAST_REINSERTION: f32 = 4000.0;
     let mut tree = joined(boxes);
     let share = REINSERTION.max(LEAST_REINSERTION / tree.nodes.len() as f32);
@@ -129,7 +132,8 @@ fn joined(boxes: &[obvhs::aabb::Aabb]) -> Bvh2 {
     ploc.build(PlocSearchDistance::Medium, boxes, numbers, SortPrecision::U64, NEIGHBOUR_LEVELS)
 }
 
-/// Whether the boxes would be joined one by one, which takes quadratic time: boxes within boxes are, and so is a sample of them.
+/// Whether the boxes would be joined one by one, which takes quadratic time: boxes within boxes are, and so is a sample
+/// of them.
 fn clusters_badly(boxes: &[obvhs::aabb::Aabb]) -> bool {
     const SAMPLE: usize = 1000;
     if boxes.len() < 4 * SAMPLE {

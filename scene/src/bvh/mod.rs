@@ -1,8 +1,8 @@
 //! The acceleration structure over triangles and the boxes of free forms.
 //!
 //! obvhs builds a binary tree; its levels are merged to nodes of eight children, whose boxes one ray meets at once in
-//! eight lanes, and each leaf is a packet of up to eight primitives, tested in eight lanes likewise. How wide the lanes' instructions are is
-//! chosen at run time; the answers are the same bits.
+//! eight lanes, and each leaf is a packet of up to eight primitives, tested in eight lanes likewise. How wide the
+//! lanes' instructions are is chosen at run time; the answers are the same bits.
 
 mod build;
 mod lane_ray;

@@ -1,10 +1,11 @@
 //! Up to eight primitives of a leaf, their triangles met by a ray at once and without gaps.
 //!
 //! # Source
-//! Woop, Benthin, Wald 2013: Watertight Ray/Triangle Intersection. In the frame in which the ray is the z axis, the edge functions
-//! U, V and W of a triangle's sheared corners have signs that two triangles agree upon along the edge they share; where one is 0,
-//! it is computed again in f64, in which the products are exact. We depart in the hits that lie close to the start of the ray: their t is computed again
-//! from the unsheared corners in f64, so that a ray that starts a rounding error beyond a surface never meets it.
+//! Woop, Benthin, Wald 2013: Watertight Ray/Triangle Intersection. In the frame in which the ray is the z axis, the
+//! edge functions U, V and W of a triangle's sheared corners have signs that two triangles agree upon along the edge
+//! they share; where one is 0, it is computed again in f64, in which the products are exact. We depart in the hits that
+//! lie close to the start of the ray: their t is computed again from the unsheared corners in f64, so that a ray that
+//! starts a rounding error beyond a surface never meets it.
 
 use fearless_simd::{Simd, SimdBase, SimdMask, f32x8};
 use glam::{DVec3, Vec2, Vec3, Vec3A};
@@ -34,8 +35,9 @@ pub(super) const PRIMITIVE: u32 = CUT_OUT - 1;
 /// Half the distance from 1 to the next f32: the relative error of one rounding.
 const UNIT_ROUNDOFF: f32 = 0.5 * f32::EPSILON;
 
-/// Bounds the error of t times the determinant, in units of roundoff and of the cube of the largest translated coordinate: 3 edge functions, each with
-/// 2 products of 2 sheared coordinates (each sum of three roundings), times a depth: some 60 roundings; a larger bound costs only time.
+/// Bounds the error of t times the determinant, in units of roundoff and of the cube of the largest translated
+/// coordinate: 3 edge functions, each with 2 products of 2 sheared coordinates (each sum of three roundings), times a
+/// depth: some 60 roundings; a larger bound costs only time.
 const T_ERROR: f32 = 128.0 * UNIT_ROUNDOFF;
 
 /// What a packet's lanes say of a ray.

@@ -15,7 +15,8 @@ const STACK: usize = (LANES - 1) * MAX_DEPTH + 1;
 impl Bvh {
     /// Returns the nearest hit.
     ///
-    /// `form` meets a free form (its primitive index) with a ray of shortened range; `keep` decides whether a hit of a primitive with holes counts.
+    /// `form` meets a free form (its primitive index) with a ray of shortened range; `keep` decides whether a hit of a
+    /// primitive with holes counts.
     #[inline]
     pub(crate) fn closest(
         &self,
@@ -49,7 +50,8 @@ impl Bvh {
         found
     }
 
-    /// Calls `leaf` with the packets that the ray may meet, about from near to far; `leaf` returns how far is still of interest.
+    /// Calls `leaf` with the packets that the ray may meet, about from near to far; `leaf` returns how far is still of
+    /// interest.
     #[inline(always)]
     fn traverse<S: Simd, const ANY: bool>(
         &self,
@@ -86,8 +88,9 @@ impl Bvh {
                 let t = enter[lane];
                 let mut at = stack.len();
                 stack.push((node.children[lane], t));
-                // Insertion keeps the nearest of this node's children on top; for any hit the order is not worth its cost: where the
-                // scene is closed, to start anywhere finds one three times sooner than to search the crowded near first (measured in an atrium).
+                // Insertion keeps the nearest of this node's children on top; for any hit the order is not worth its
+                // cost: where the scene is closed, to start anywhere finds one three times sooner than to search the
+                // crowded near first (measured in an atrium).
                 while at > first && !ANY && stack[at - 1].1 < t {
                     stack.swap(at, at - 1);
                     at -= 1;

@@ -1,8 +1,9 @@
 //! Which nodes of the binary tree become wide nodes and which become packets, at the least expected cost of a ray.
 //!
 //! # Source
-//! Ylitie, Karras, Laine 2017: Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs. We depart in the cost of a leaf: its triangles
-//! are met at once, so that a packet of them costs the same however many of its lanes are in use, and its free forms one after the other.
+//! Ylitie, Karras, Laine 2017: Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs. We depart in
+//! the cost of a leaf: its triangles are met at once, so that a packet of them costs the same however many of its lanes
+//! are in use, and its free forms one after the other.
 
 use std::ops::Range;
 
@@ -11,7 +12,8 @@ use obvhs::bvh2::Bvh2;
 
 use super::LANES;
 
-/// Cost of meeting the boxes of a wide node, in units of that of meeting the triangles of a packet. From 0.2 to 1 rays took the same time.
+/// Cost of meeting the boxes of a wide node, in units of that of meeting the triangles of a packet. From 0.2 to 1 rays
+/// took the same time.
 const NODE_COST: f32 = 0.5;
 
 /// Cost of meeting a free form in a packet, in the same units.

@@ -1,6 +1,7 @@
 //! Areas of free forms that shine, and what their pictures let through in the mean, each solid's measured once.
 //!
-//! A copy of a solid that is turned and scaled alike along all axes has its area times the square of the factor. Other copies are measured for themselves.
+//! A copy of a solid that is turned and scaled alike along all axes has its area times the square of the factor. Other
+//! copies are measured for themselves.
 
 use std::sync::Arc;
 
@@ -12,9 +13,11 @@ use super::pattern::Pattern;
 use crate::body::Body;
 use crate::projection::Projector;
 
-/// Lines by which an area is found, unless it is known: their count of exits is then good to about a hundredth. It only steers the choice of lights.
+/// Lines by which an area is found, unless it is known: their count of exits is then good to about a hundredth. It only
+/// steers the choice of lights.
 const LINES: u32 = 4096;
-/// The same for all areas together, so that ten thousand lamps take no longer to set up than a few hundred; each has 64 at least.
+/// The same for all areas together, so that ten thousand lamps take no longer to set up than a few hundred; each has 64
+/// at least.
 const LINES_TOTAL: usize = 1 << 20;
 
 /// See the head of the file.
@@ -22,7 +25,8 @@ const LINES_TOTAL: usize = 1 << 20;
 pub(crate) struct Areas {
     /// Lines for each area.
     lines: u32,
-    /// The solid measured last, with the area of a body and how many times as large that is; copies of a solid come one after the other.
+    /// The solid measured last, with the area of a body and how many times as large that is; copies of a solid come one
+    /// after the other.
     last: Option<(Arc<Solid>, (f64, f64))>,
     /// The same for the mean factor of its pictures.
     last_mean: Option<(Arc<Solid>, Vec3)>,
@@ -49,8 +53,8 @@ impl Areas {
         area * (factor / of_factor).powi(2)
     }
 
-    /// Returns the mean factor of the pictures of a light. Copies of a solid have the same pictures; those that are stretched show them in about the same
-    /// shares.
+    /// Returns the mean factor of the pictures of a light. Copies of a solid have the same pictures; those that are
+    /// stretched show them in about the same shares.
     pub(super) fn mean_of(&mut self, light: &FormLight, pattern: &Pattern, projector: Option<&Projector>) -> Vec3 {
         once(&mut self.last_mean, light.body.solid(), || light.measured_mean(pattern, projector, self.lines))
     }

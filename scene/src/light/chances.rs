@@ -6,13 +6,15 @@
 //! E = (integral of L over the sphere) / 4            the surroundings
 //! ```
 //!
-//! E is about the irradiance of a surface that is turned to the light, with nothing between. d is the distance to the middle of the lamp, h the height over its plane, which
-//! is 0 or less where the lamp is not seen, and s a fifth of the root of its area A: near a wide lamp not all of it is seen as its middle is. A disc over its middle, and an
-//! even sky, are right. The normal of the surface is left out, so that a ray that meets a light by chance knows the density by the point from which it came.
-//! Of very many lamps a tree chooses one, with what is at its root for E. Among lights at infinity, which bring the same to all points, flux chooses.
+//! E is about the irradiance of a surface that is turned to the light, with nothing between. d is the distance to the
+//! middle of the lamp, h the height over its plane, which is 0 or less where the lamp is not seen, and s a fifth of the
+//! root of its area A: near a wide lamp not all of it is seen as its middle is. A disc over its middle, and an even
+//! sky, are right. The normal of the surface is left out, so that a ray that meets a light by chance knows the density
+//! by the point from which it came. Of very many lamps a tree chooses one, with what is at its root for E. Among lights
+//! at infinity, which bring the same to all points, flux chooses.
 //!
-//! By flux alone a lamp of 10 cm on a ground of 400 m under a night sky was chosen 3 times in 10^4, although it brought most of the light: relMSE of `path` with 64 samples a pixel was
-//! 0.7, and is 4e-4.
+//! By flux alone a lamp of 10 cm on a ground of 400 m under a night sky was chosen 3 times in 10^4, although it brought
+//! most of the light: relMSE of `path` with 64 samples a pixel was 0.7, and is 4e-4.
 
 use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch};
@@ -21,7 +23,8 @@ use glam::Vec3A;
 use super::tree::Emitter;
 use super::{Lights, narrow};
 
-/// Up to so many lamps are looked at one by one, which takes no longer than a way through a tree of as many, and leaves half of the noise.
+/// Up to so many lamps are looked at one by one, which takes no longer than a way through a tree of as many, and leaves
+/// half of the noise.
 pub(super) const MOST_LAMPS: usize = 128;
 
 /// Lamps that are looked at together.

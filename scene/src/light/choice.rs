@@ -1,6 +1,7 @@
 //! A choice among many by weight.
 
-/// Probabilities and their sums, for inversion: neighbouring numbers choose neighbouring lights, which keeps stratified numbers stratified.
+/// Probabilities and their sums, for inversion: neighbouring numbers choose neighbouring lights, which keeps stratified
+/// numbers stratified.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Choice {
     /// Sum of the weights up to and including each; f64, for 10^6 equal weights would be unequal in f32.
@@ -53,7 +54,8 @@ impl Choice {
         probability
     }
 
-    /// Returns what is left of the number `u` that chose `index`: uniform in [0, 1] again, with as many digits less as the choice took.
+    /// Returns what is left of the number `u` that chose `index`: uniform in [0, 1] again, with as many digits less as
+    /// the choice took.
     #[inline]
     pub(super) fn rest(&self, u: f32, index: usize) -> f32 {
         let before = if index == 0 { 0.0 } else { self.sums[index - 1] };

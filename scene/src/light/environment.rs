@@ -1,8 +1,9 @@
 //! Choosing directions to the surroundings by their radiance.
 //!
-//! The table is constant over each pixel of the picture. Between pixel centres the radiance is bilinear, so a bright pixel also lights half of its
-//! neighbours: a cell's weight is the mean of the bilinear function over it, which is the sum of 3 x 3 pixels with the weights 1/8, 3/4, 1/8 along each axis. Thus the density
-//! is never 0 where the radiance is not. Within a cell, directions are uniform per solid angle, so that nothing diverges at the poles.
+//! The table is constant over each pixel of the picture. Between pixel centres the radiance is bilinear, so a bright
+//! pixel also lights half of its neighbours: a cell's weight is the mean of the bilinear function over it, which is the
+//! sum of 3 x 3 pixels with the weights 1/8, 3/4, 1/8 along each axis. Thus the density is never 0 where the radiance
+//! is not. Within a cell, directions are uniform per solid angle, so that nothing diverges at the poles.
 
 use std::f64::consts::TAU;
 
@@ -14,8 +15,8 @@ use crate::environment::direction_to_uv;
 
 /// The part of the sphere that a row of the picture covers.
 ///
-/// A height is that of the cap around the nearer pole, 1 - |cos theta|: beside a pole cosines in single precision are all 1, and the rows of a tall picture would have no
-/// solid angle.
+/// A height is that of the cap around the nearer pole, 1 - |cos theta|: beside a pole cosines in single precision are
+/// all 1, and the rows of a tall picture would have no solid angle.
 #[derive(Debug, Clone, Copy)]
 struct Band {
     /// Height at the border that is nearer to the pole.
@@ -64,10 +65,11 @@ impl EnvironmentLight {
         (integral.max_element() > 0.0).then_some(Self { environment, columns, rows, bands, integral })
     }
 
-    /// Returns the same surroundings with a table of where `weight` of their radiance is bright; `None` where it is black.
+    /// Returns the same surroundings with a table of where `weight` of their radiance is bright; `None` where it is
+    /// black.
     ///
-    /// Half of the samples go by that part of the radiance, the others by its root: where the sun is hidden and its halo is not, samples by the radiance
-    /// alone would be rare and each as bright as the sun.
+    /// Half of the samples go by that part of the radiance, the others by its root: where the sun is hidden and its
+    /// halo is not, samples by the radiance alone would be rare and each as bright as the sun.
     pub(super) fn weighted(&self, weight: impl Fn(Vec3) -> Vec3) -> Option<Self> {
         let mut important = self.environment.clone();
         // Integrals over the sphere of the part, and of its root.
@@ -125,7 +127,8 @@ impl EnvironmentLight {
     /// Returns what shines in a direction that was chosen; `None` where its density is 0.
     #[inline]
     pub(super) fn sample_at(&self, wi: Vec3A, probability: f32) -> Option<LightSample> {
-        // Rounding may have moved wi to the next cell: the density is that of where it is, as for a ray that comes by chance.
+        // Rounding may have moved wi to the next cell: the density is that of where it is, as for a ray that comes by
+        // chance.
         let uv = direction_to_uv(wi);
         let pdf = self.pdf_at(uv) * probability;
         let radiance = || self.environment.radiance_at(uv);
@@ -160,8 +163,8 @@ impl EnvironmentLight {
     }
 }
 
-/// Returns the height of the border of a row that is nearer to its pole, and what it grows by to the other border. The row in the middle, if there is one, goes by the upper
-/// pole, and beyond 1.
+/// Returns the height of the border of a row that is nearer to its pole, and what it grows by to the other border. The
+/// row in the middle, if there is one, goes by the upper pole, and beyond 1.
 fn heights(row: usize, rows: usize) -> (f64, f64) {
     // 1 - cos theta = 2 sin^2(theta / 2), where half the angle is at most an eighth of a turn.
     let height = |border: usize| {
@@ -195,8 +198,8 @@ struct Tables {
     steps: usize,
     /// For each table the sums of its shares, `steps + 1` numbers from 0 to 1.
     sums: Vec<f32>,
-    /// For each table, of `guides` equal parts of [0, 1], how many sums lie at or below the start of each part, and all at the end: the sum that is looked for
-    /// is among few then.
+    /// For each table, of `guides` equal parts of [0, 1], how many sums lie at or below the start of each part, and all
+    /// at the end: the sum that is looked for is among few then.
     guide: Vec<u32>,
     /// A power of two, so that the part of a number is exact.
     guides: usize,

@@ -1,9 +1,11 @@
 //! A free form that shines.
 //!
-//! A direction is chosen in the solid angle of an ellipsoid that is the form itself, else of the box around it, and the form's own first crossing along it is the point of
-//! the light; directions that miss it count as 0. So what is sampled is the form and no mesh of it, and the density is known for any direction.
+//! A direction is chosen in the solid angle of an ellipsoid that is the form itself, else of the box around it, and the
+//! form's own first crossing along it is the point of the light; directions that miss it count as 0. So what is sampled
+//! is the form and no mesh of it, and the density is known for any direction.
 //!
-//! Photons start where random lines leave the form. The flux that leaves a surface of radiance L is L times the measure of the lines that cross it outwards,
+//! Photons start where random lines leave the form. The flux that leaves a surface of radiance L is L times the measure
+//! of the lines that cross it outwards,
 //!
 //! ```text
 //! flux = L (measure of lines through a sphere, 4 pi * pi R^2) (mean number of exits on such a line),
@@ -36,7 +38,8 @@ pub(crate) struct FormLight {
     pub(super) sphere: Sphere,
     /// m^2; of what is no ball right to about a hundredth.
     pub(super) area: f64,
-    /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean; what it is multiplied by where there is a pattern.
+    /// Radiance, W m^-2 sr^-1; of a form that is there in part, the mean; what it is multiplied by where there is a
+    /// pattern.
     radiance: Vec3,
     /// Whether it is there in part, so that rays may see what is behind its front.
     is_pierced: bool,
@@ -55,7 +58,8 @@ struct FormPattern {
     mean: Vec3,
 }
 
-/// Rounding of an f32 position, as a share of its coordinates: a light is looked for from a point so much above the surface, or a form would find itself.
+/// Rounding of an f32 position, as a share of its coordinates: a light is looked for from a point so much above the
+/// surface, or a form would find itself.
 const POSITION_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Rounding of the end of a shadow ray, as a share of its coordinates: of the point itself, and of the direction to it.
@@ -65,7 +69,8 @@ const END_ERROR: f64 = 2.0 * f32::EPSILON as f64;
 const STEP: f64 = 1e-9;
 
 impl FormLight {
-    /// Makes a light; `None` where the form has no bounds, no area or no radiance. `opacity` is the share of it that is there.
+    /// Makes a light; `None` where the form has no bounds, no area or no radiance. `opacity` is the share of it that is
+    /// there.
     pub(crate) fn new(body: &Body, emission: Vec3, opacity: f32, primitive: u32, areas: &mut Areas) -> Option<Self> {
         let (min, max) = body.bounds()?;
         let ellipsoid = ellipsoid(body.solid()).map(|to_unit| body.world_to_local().map_or(to_unit, |m| to_unit * *m));
@@ -143,7 +148,8 @@ impl FormLight {
         LightSample::of_surface(wi, narrow(distance), radiance, narrow(pdf) * probability)
     }
 
-    /// Returns by how much sooner a shadow ray to the point where `ray` enters the form may meet it, as its end is rounded: more the more the ray grazes it.
+    /// Returns by how much sooner a shadow ray to the point where `ray` enters the form may meet it, as its end is
+    /// rounded: more the more the ray grazes it.
     fn rounding_along(&self, ray: &LineRay, entry: &Crossing) -> f64 {
         /// Rays of smaller cosines hardly bring light.
         const LEAST_COSINE: f64 = 0.01;
@@ -161,8 +167,8 @@ impl FormLight {
         self.body.first_hit(ray).filter(|crossing| crossing.entering)
     }
 
-    /// Returns one of the places where the ray enters the form, each with the same chance, and their number. The way to it is not judged here: a shadow ray
-    /// passes what is before it with the chance that it is not there.
+    /// Returns one of the places where the ray enters the form, each with the same chance, and their number. The way to
+    /// it is not judged here: a shadow ray passes what is before it with the chance that it is not there.
     fn any_entry(&self, mut ray: LineRay) -> Option<(Crossing, f32)> {
         let direction = ray.direction;
         let (mut count, mut chosen, mut bits) = (0u32, None, 0u64);
@@ -191,7 +197,8 @@ impl FormLight {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// Starts a photon where a random line leaves the form: towards the target. `u` chooses a sphere of that, and one of the exits. `None` where the line misses.
+    /// Starts a photon where a random line leaves the form: towards the target. `u` chooses a sphere of that, and one
+    /// of the exits. `None` where the line misses.
     pub(super) fn emit(&self, target: &Target, u: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (u, u_position, u_direction) = (f64::from(u), u_position.as_dvec2(), u_direction.as_dvec2());
         let (line, share, mut u) = match target.cones(self.sphere, None) {
@@ -203,7 +210,8 @@ impl FormLight {
         };
         let (mut count, mut chosen) = (0.0, None);
         self.exits(line, |t, part| {
-            // Of n exits each is kept with the probability 1/n: the i-th takes the place of those before it with 1/i, and the number is used again.
+            // Of n exits each is kept with the probability 1/n: the i-th takes the place of those before it with 1/i,
+            // and the number is used again.
             count += 1.0;
             if u * count < 1.0 {
                 chosen = Some((t, part));
@@ -308,7 +316,8 @@ fn ellipsoid(solid: &Solid) -> Option<DAffine3> {
     sound.then(|| DAffine3 { matrix3: upper, translation: -(upper * centre) })
 }
 
-/// Returns the radius of a ball that `to_unit` maps to the unit ball; `None` where it is no ball in the first nine digits.
+/// Returns the radius of a ball that `to_unit` maps to the unit ball; `None` where it is no ball in the first nine
+/// digits.
 pub(super) fn ball_radius(to_unit: DMat3) -> Option<f64> {
     let s = to_unit.transpose() * to_unit;
     let size = s.x_axis.x;

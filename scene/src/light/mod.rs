@@ -1,7 +1,9 @@
 //! What shines, and how to find it: choosing a light for a point, and light for a photon.
 //!
-//! A light is chosen, then a direction to it: by what each may bring to the point; among many lamps by a tree that knows it about. Two triangles that
-//! make a rectangle are one light. Everything that a ray can also meet by chance has a density that [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
+//! A light is chosen, then a direction to it: by what each may bring to the point; among many lamps by a tree that
+//! knows it about. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has
+//! a density that [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways
+//! combine (Veach 1997).
 
 mod areas;
 mod chances;
@@ -88,8 +90,8 @@ pub struct LightSample {
 }
 
 impl LightSample {
-    /// A sample of a light that has a surface; `None` where density or distance are no use, as for a light that is seen edge on, or
-    /// nothing comes from there.
+    /// A sample of a light that has a surface; `None` where density or distance are no use, as for a light that is seen
+    /// edge on, or nothing comes from there.
     #[inline]
     fn of_surface(wi: Vec3A, distance: f32, radiance: Vec3, pdf: f32) -> Option<Self> {
         let is_sound = pdf > 0.0 && pdf.is_finite() && distance > 0.0 && radiance != Vec3::ZERO;
@@ -103,8 +105,8 @@ fn is_over_horizon(n: Vec3A, wi: Vec3A) -> bool {
     n.dot(wi) > 0.0
 }
 
-/// Density per steradian of a point that was chosen uniformly on an area and is seen at the cosine to its normal; 0 where that is no number
-/// or the point is seen from behind.
+/// Density per steradian of a point that was chosen uniformly on an area and is seen at the cosine to its normal; 0
+/// where that is no number or the point is seen from behind.
 #[inline]
 fn pdf_by_area(cosine: f32, area: f32, distance_sq: f32) -> f32 {
     let pdf = distance_sq / (cosine * area);
@@ -179,10 +181,11 @@ impl Lights {
         self.choice.is_empty()
     }
 
-    /// Returns the same lights with the environment chosen, and directions to it, by `weight` of its radiance instead of all of it.
+    /// Returns the same lights with the environment chosen, and directions to it, by `weight` of its radiance instead
+    /// of all of it.
     ///
-    /// What [`Lights::sample`] gives is still the whole radiance: this is for who takes only a part of it, such as the sun. Where the
-    /// weight is 0 no direction is sampled.
+    /// What [`Lights::sample`] gives is still the whole radiance: this is for who takes only a part of it, such as the
+    /// sun. Where the weight is 0 no direction is sampled.
     #[must_use]
     pub fn with_environment_weight(&self, weight: impl Fn(Vec3) -> Vec3) -> Self {
         let mut lights = self.clone();
@@ -191,7 +194,8 @@ impl Lights {
         lights
     }
 
-    /// Returns the number of lights: emissive triangles (two that make a rectangle are one) and free forms, point and directional lights, and the environment.
+    /// Returns the number of lights: emissive triangles (two that make a rectangle are one) and free forms, point and
+    /// directional lights, and the environment.
     #[must_use]
     pub fn count(&self) -> usize {
         self.near_count + self.punctual.len() - self.point_count() + usize::from(self.environment.is_some())
@@ -219,16 +223,18 @@ impl Lights {
         self.count() == self.punctual.len()
     }
 
-    /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene. Where pictures say how a light shines that is an estimate,
-    /// by which lights are chosen.
+    /// Returns the flux of all lights, W; of those at infinity what enters the sphere around the scene. Where pictures
+    /// say how a light shines that is an estimate, by which lights are chosen.
     #[must_use]
     pub fn total_flux(&self) -> Vec3 {
         self.total_flux
     }
 
-    /// Chooses a light and a direction to it from `p`; `None` where the chosen one cannot light a surface there with normal `n`.
+    /// Chooses a light and a direction to it from `p`; `None` where the chosen one cannot light a surface there with
+    /// normal `n`.
     ///
-    /// Nothing is said of what stands between. `u_choice` chooses the light, `u` the direction. A sample that is `None` counts as 0.
+    /// Nothing is said of what stands between. `u_choice` chooses the light, `u` the direction. A sample that is `None`
+    /// counts as 0.
     #[inline]
     #[must_use]
     pub fn sample(&self, p: Vec3A, n: Vec3A, u_choice: f32, u: Vec2) -> Option<LightSample> {
@@ -242,8 +248,8 @@ impl Lights {
         SeenLights::new(self, p, n)
     }
 
-    /// Returns the cone in which all lights lie as seen from `p`: its axis, a unit vector, and its half angle in radians; `None` where there is no such cone, as
-    /// among the lights, under a sky or without any light.
+    /// Returns the cone in which all lights lie as seen from `p`: its axis, a unit vector, and its half angle in
+    /// radians; `None` where there is no such cone, as among the lights, under a sky or without any light.
     #[inline]
     #[must_use]
     pub fn cone(&self, p: Vec3A) -> Option<(Vec3A, f32)> {
@@ -253,10 +259,11 @@ impl Lights {
         (distance > radius).then(|| (offset / distance, (radius / distance).asin()))
     }
 
-    /// Returns the density of [`Lights::sample`] at `p` for the direction `wi` in which a ray from `p` met `surface`, per steradian.
+    /// Returns the density of [`Lights::sample`] at `p` for the direction `wi` in which a ray from `p` met `surface`,
+    /// per steradian.
     ///
-    /// 0 where the surface does not shine to that side or is not among the lights that are sampled, and where `p` is so near to the plane of a flat light that rounding may have
-    /// moved it there.
+    /// 0 where the surface does not shine to that side or is not among the lights that are sampled, and where `p` is so
+    /// near to the plane of a flat light that rounding may have moved it there.
     #[inline]
     #[must_use]
     pub fn pdf_surface(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
@@ -285,7 +292,8 @@ impl Lights {
         }
     }
 
-    /// Returns the density of [`Lights::sample`] at `p` for a direction in which a ray from there met nothing, per steradian; 0 without an environment.
+    /// Returns the density of [`Lights::sample`] at `p` for a direction in which a ray from there met nothing, per
+    /// steradian; 0 without an environment.
     #[inline]
     #[must_use]
     pub fn pdf_environment(&self, p: Vec3A, wi: Vec3A) -> f32 {
@@ -295,7 +303,8 @@ impl Lights {
         }
     }
 
-    /// Returns, for each light in turn, below which `u_choice` [`Lights::emit`] chooses it or one before it; the last is 1. None where nothing shines.
+    /// Returns, for each light in turn, below which `u_choice` [`Lights::emit`] chooses it or one before it; the last
+    /// is 1. None where nothing shines.
     ///
     /// ```
     /// use glam::Vec3;
@@ -319,13 +328,15 @@ impl Lights {
         self.emit_to(&self.everything, u_choice, u_position, u_direction)
     }
 
-    /// As [`Self::emit`], but lights at infinity, and lamps as far as that is of use, send photons to a target only: for what meets that first, the mean over photons is the same.
-    /// The probabilities of the lights are those of [`Self::choice_ends`] all the same. [`Scene::target`](crate::Scene::target) has an example.
+    /// As [`Self::emit`], but lights at infinity, and lamps as far as that is of use, send photons to a target only:
+    /// for what meets that first, the mean over photons is the same. The probabilities of the lights are those of
+    /// [`Self::choice_ends`] all the same. [`Scene::target`](crate::Scene::target) has an example.
     #[inline]
     #[must_use]
     pub fn emit_to(&self, target: &Target, u_choice: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (index, probability) = self.choice.sample(f64::from(u_choice))?;
-        // Of one among very many lights it has few digits left: what that chooses is right in the mean over these lights.
+        // Of one among very many lights it has few digits left: what that chooses is right in the mean over these
+        // lights.
         let rest = || self.choice.rest(u_choice, index);
         let mut emission = match self.light(index) {
             Light::Rectangle(light) => light.emit(target, rest(), u_position, u_direction)?,
@@ -431,7 +442,8 @@ impl Light<'_> {
         }
     }
 
-    /// Returns the irradiance that a light at infinity brings to a surface that faces it, summed over the channels; of surroundings as if they were even.
+    /// Returns the irradiance that a light at infinity brings to a surface that faces it, summed over the channels; of
+    /// surroundings as if they were even.
     fn far_irradiance(&self) -> f64 {
         match self {
             Self::Punctual(PunctualLight::Directional { irradiance, .. }) => irradiance.as_dvec3().element_sum(),

@@ -41,7 +41,8 @@ impl Pattern {
         [&self.emission, &self.opacity].into_iter().flatten().any(|texture| texture.is_black_between(least, most))
     }
 
-    /// Returns the mean factor of some places, by which light is chosen: above 0, for there may be something that was not seen.
+    /// Returns the mean factor of some places, by which light is chosen: above 0, for there may be something that was
+    /// not seen.
     pub(super) fn mean(&self, places: impl Iterator<Item = Vec2>) -> Vec3 {
         /// The least share of the brightest place.
         const LEAST: f32 = 1.0 / 64.0;

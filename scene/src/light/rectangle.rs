@@ -1,8 +1,9 @@
 //! A rectangle that shines from its front: two triangles of a lamp, sampled as one light.
 //!
-//! Directions are uniform per solid angle where it is near, points uniform per area where it is far or seen edge on; which of
-//! them depends on the point alone, so that the density is known for any direction. As one light, neighbouring numbers give neighbouring
-//! directions over the whole lamp, so that stratified numbers serve it better than two triangles.
+//! Directions are uniform per solid angle where it is near, points uniform per area where it is far or seen edge on;
+//! which of them depends on the point alone, so that the density is known for any direction. As one light, neighbouring
+//! numbers give neighbouring directions over the whole lamp, so that stratified numbers serve it better than two
+//! triangles.
 
 use std::f32::consts::PI;
 
@@ -32,11 +33,13 @@ pub(crate) struct RectangleLight {
     pub(super) primitive: u32,
 }
 
-/// The rectangle is far if the squares of its distances differ by at most this factor. By area, the density per solid angle is as the cube of the
-/// distance; by solid angle there is a little less noise, for a fifth more time of direct light in a scene that is mostly lit by it.
+/// The rectangle is far if the squares of its distances differ by at most this factor. By area, the density per solid
+/// angle is as the cube of the distance; by solid angle there is a little less noise, for a fifth more time of direct
+/// light in a scene that is mostly lit by it.
 const FAR_RATIO_SQ: f32 = 4.0;
 
-/// Slivers of a smaller solid angle are sampled by area: the angle of the product that gives it would lose its digits in f64.
+/// Slivers of a smaller solid angle are sampled by area: the angle of the product that gives it would lose its digits
+/// in f64.
 const LEAST_SOLID_ANGLE: f64 = 1e-9;
 
 /// Corners may be so many units in the last place of the largest coordinate off their rectangle.

@@ -1,8 +1,9 @@
 //! The directions from a point towards an ellipsoid or a box, uniform per solid angle: where to look for a body within.
 //!
-//! An ellipsoid is a ball after an affine map A, and directions to it are those of a cone: chosen uniformly in the cone of the ball and mapped back, their
-//! density is that of the cone times |det A| / |A w|^3. Of a box the sides that face the point cover its directions without overlap; each is a spherical
-//! rectangle. A point within a box looks everywhere.
+//! An ellipsoid is a ball after an affine map A, and directions to it are those of a cone: chosen uniformly in the cone
+//! of the ball and mapped back, their density is that of the cone times |det A| / |A w|^3. Of a box the sides that face
+//! the point cover its directions without overlap; each is a spherical rectangle. A point within a box looks
+//! everywhere.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +21,8 @@ pub(super) enum Region {
     Box { min: DVec3, max: DVec3 },
 }
 
-/// A box whose half diagonal is a smaller share of its distance is taken as a ball: the angles of its sides would lose their digits.
+/// A box whose half diagonal is a smaller share of its distance is taken as a ball: the angles of its sides would lose
+/// their digits.
 const FAR: f64 = 1e-3;
 
 impl Region {
@@ -170,7 +172,8 @@ fn solid_angle(sides: &[Option<Side>; 3]) -> f64 {
     sides.iter().flatten().map(|side| side.rectangle.solid_angle).sum()
 }
 
-/// A side of a box that faces the origin. Local x and y are the two axes after that at right angles to it, in their cyclic order.
+/// A side of a box that faces the origin. Local x and y are the two axes after that at right angles to it, in their
+/// cyclic order.
 struct Side {
     axis: usize,
     /// Height over the origin along the axis, of either sign.
@@ -196,7 +199,8 @@ mod tests {
 
     use super::*;
 
-    /// Asserts that samples lie in the region, have the density that `pdf` says, and are uniform: the mean of any function of direction is its integral over the density.
+    /// Asserts that samples lie in the region, have the density that `pdf` says, and are uniform: the mean of any
+    /// function of direction is its integral over the density.
     fn assert_uniform(region: &Region, p: DVec3, is_met: impl Fn(DVec3) -> bool, what: &str) {
         // Stratified in both numbers; the error of the mean of a smooth function is then far below 1/n.
         let n = 200u32;

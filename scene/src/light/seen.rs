@@ -62,7 +62,8 @@ impl<'a> SeenLights<'a> {
         self.direction(u_choice, u)?.sample()
     }
 
-    /// Returns the light, below [`Lights::count`], that `u_choice` in [0, 1) chooses, and its probability; `None` where none shines to the point.
+    /// Returns the light, below [`Lights::count`], that `u_choice` in [0, 1) chooses, and its probability; `None` where
+    /// none shines to the point.
     #[inline]
     #[must_use]
     pub fn choose(&self, u_choice: f32) -> Option<(usize, f32)> {
@@ -76,8 +77,8 @@ impl<'a> SeenLights<'a> {
         self.lights.probability(self.chances.as_ref(), light)
     }
 
-    /// Chooses a direction to one light, which was chosen with a `probability` that the density is to contain: for whoever knows more of the lights than
-    /// [`SeenLights::choose`]. `None` where it cannot light the surface.
+    /// Chooses a direction to one light, which was chosen with a `probability` that the density is to contain: for
+    /// whoever knows more of the lights than [`SeenLights::choose`]. `None` where it cannot light the surface.
     ///
     /// # Panics
     /// If there is no such light.
@@ -145,8 +146,8 @@ impl<'a> SeenLights<'a> {
     }
 }
 
-/// A direction to a light, chosen by [`SeenLights::direction`]. What comes from there may wait until it is known that nothing stands between: to look up surroundings
-/// may take longer than a ray.
+/// A direction to a light, chosen by [`SeenLights::direction`]. What comes from there may wait until it is known that
+/// nothing stands between: to look up surroundings may take longer than a ray.
 #[derive(Debug, Clone, Copy)]
 pub struct LightDirection<'a> {
     /// Of surroundings only the direction is known, and in the place of the density the probability of their choice.

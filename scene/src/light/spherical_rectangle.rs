@@ -1,12 +1,13 @@
-//! A rectangle on the unit sphere around a point: its solid angle, and directions to it that are uniform per solid angle.
-//!
-//! Two planes through the origin and two edges that meet at the corner (x, y) of a rectangle at height h enclose an angle whose cosine and sine are as
-//! x y to h (x^2 + y^2 + h^2)^(1/2), with the sign by the corner. As complex numbers the four need no arc cosines: their product has the angle 2 pi + the solid
+//! A rectangle on the unit sphere around a point: its solid angle, and directions to it that are uniform per solid
 //! angle.
 //!
+//! Two planes through the origin and two edges that meet at the corner (x, y) of a rectangle at height h enclose an
+//! angle whose cosine and sine are as x y to h (x^2 + y^2 + h^2)^(1/2), with the sign by the corner. As complex numbers
+//! the four need no arc cosines: their product has the angle 2 pi + the solid angle.
+//!
 //! # Source
-//! Ureña, Fajardo, King 2013: An Area-Preserving Parametrization for Spherical Rectangles. The product instead of four arc cosines is ours, and so is x without
-//! the cosine that the paper takes it from.
+//! Ureña, Fajardo, King 2013: An Area-Preserving Parametrization for Spherical Rectangles. The product instead of four
+//! arc cosines is ours, and so is x without the cosine that the paper takes it from.
 
 use std::f64::consts::TAU;
 
@@ -31,8 +32,8 @@ pub(super) struct SphericalRectangle {
 const ROUNDING: f64 = 1e-12;
 
 impl SphericalRectangle {
-    /// Returns the rectangle from the corner `low` to the corner `high` at a distance of `height` > 0; `None` where nothing is seen of it, and where the point is nearer
-    /// to it than f64 can tell (10^-12 of its size).
+    /// Returns the rectangle from the corner `low` to the corner `high` at a distance of `height` > 0; `None` where
+    /// nothing is seen of it, and where the point is nearer to it than f64 can tell (10^-12 of its size).
     #[inline]
     pub(super) fn new(low: DVec2, high: DVec2, height: f64) -> Option<Self> {
         debug_assert!(height > 0.0, "seen from the front");

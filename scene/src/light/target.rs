@@ -15,14 +15,17 @@ use crate::{Aabb, Ray};
 /// Boxes are put in halves so often at most.
 const MAX_HALVINGS: u32 = 6;
 const MAX_SPHERES: usize = 1 << MAX_HALVINGS;
-/// Spheres around parts take the place of one around all where their cross-sections together are less than this share of that one's.
+/// Spheres around parts take the place of one around all where their cross-sections together are less than this share
+/// of that one's.
 const WORTH: f64 = 0.7;
 /// What rounding may take from a radius is less than this share of it, and this share of the coordinates.
 const MARGIN: f64 = 1e-5;
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
-/// Lamps send photons into cones where these are no more than this share of all directions. From 0.1 to 0.6 the noise of caustics is about the same.
+/// Lamps send photons into cones where these are no more than this share of all directions. From 0.1 to 0.6 the noise
+/// of caustics is about the same.
 const MOST_DIRECTIONS: f64 = 0.3;
-/// So much of all photons is dealt by the size of spheres, the rest evenly: what is small gets enough to be noticed, and photons of the large ones carry about alike.
+/// So much of all photons is dealt by the size of spheres, the rest evenly: what is small gets enough to be noticed,
+/// and photons of the large ones carry about alike.
 const BY_SIZE: f64 = 0.9;
 
 /// A sphere around something.
@@ -34,13 +37,15 @@ pub(super) struct Sphere {
 
 /// Spheres around what photons are sent to: see [`Scene::target`](crate::Scene::target).
 ///
-/// A photon from infinity goes through one of the cross-sections; one from a lamp into one of the cones in which the lamp sees the spheres, where these are narrow. Where
-/// its way crosses several spheres, each of them might have sent it: its density is the sum of theirs.
+/// A photon from infinity goes through one of the cross-sections; one from a lamp into one of the cones in which the
+/// lamp sees the spheres, where these are narrow. Where its way crosses several spheres, each of them might have sent
+/// it: its density is the sum of theirs.
 #[derive(Debug, Clone)]
 pub struct Target {
     /// For lamps.
     spheres: Vec<Sphere>,
-    /// For light from infinity: a little wider, for its photons start where the coordinates of the whole scene are rounded.
+    /// For light from infinity: a little wider, for its photons start where the coordinates of the whole scene are
+    /// rounded.
     wide: Vec<Sphere>,
     /// Over the wide ones.
     choice: Choice,
@@ -84,7 +89,8 @@ impl Target {
         narrow(self.cross_section)
     }
 
-    /// Returns a photon of light that comes from infinity along `direction`, from its irradiance on a surface at right angles to it.
+    /// Returns a photon of light that comes from infinity along `direction`, from its irradiance on a surface at right
+    /// angles to it.
     pub(super) fn emission(
         &self,
         direction: Vec3A,
@@ -100,14 +106,16 @@ impl Target {
             if may_send { f64::from(self.choice.probability(i)) / sphere.cross_section() } else { 0.0 }
         };
         let density: f64 = self.wide.iter().enumerate().map(density).sum();
-        // As far before the middle of the scene as its sphere is wide: its front, and a little that rounding cannot use up.
+        // As far before the middle of the scene as its sphere is wide: its front, and a little that rounding cannot use
+        // up.
         let back = (through - self.scene.centre).dot(way) + 2.0 * self.scene.radius;
         let ray = Ray::new((through - way * back).as_vec3a(), direction);
         Some(Emission { ray, flux: irradiance / narrow(density) })
     }
 
-    /// Returns the cones in which light goes from a lamp to the spheres, a sphere around it or a point; to those alone that are not all below the horizon of `normal` if
-    /// there is one. `None` where all of the scene is meant, and where the cones are so wide together that light which goes everywhere is as good.
+    /// Returns the cones in which light goes from a lamp to the spheres, a sphere around it or a point; to those alone
+    /// that are not all below the horizon of `normal` if there is one. `None` where all of the scene is meant, and
+    /// where the cones are so wide together that light which goes everywhere is as good.
     pub(super) fn cones(&self, lamp: Sphere, normal: Option<DVec3>) -> Option<Cones<'_>> {
         if self.is_everything {
             return None;
@@ -144,7 +152,8 @@ fn chance(size: f64, total: f64, count: usize) -> f64 {
 pub(super) struct Cones<'a> {
     target: &'a Target,
     lamp: Sphere,
-    /// What part the cone of each sphere is of all lines through the lamp, or of all directions from a point; 0 below the horizon.
+    /// What part the cone of each sphere is of all lines through the lamp, or of all directions from a point; 0 below
+    /// the horizon.
     shares: ArrayVec<f64, MAX_SPHERES>,
     /// Their sum.
     total: f64,
@@ -165,7 +174,8 @@ pub(super) struct Aimed {
 }
 
 impl Cones<'_> {
-    /// Chooses a line that crosses one of the spheres; `u_position` matters to a lamp with extent alone. `None` counts as one that meets nothing.
+    /// Chooses a line that crosses one of the spheres; `u_position` matters to a lamp with extent alone. `None` counts
+    /// as one that meets nothing.
     pub(super) fn line(&self, u_sphere: f64, u_position: DVec2, u_direction: DVec2) -> Option<Aimed> {
         let Self { target, lamp, .. } = self;
         let (chosen, rest) = self.choose(u_sphere)?;

@@ -4,16 +4,18 @@
 //! importance = flux max(0, cos(theta - theta_o - theta_b)) / (d^2 + r^2 / 20),    inside of the sphere 2 flux / (d^2 + r^2 / 20)
 //! ```
 //!
-//! d is the distance to the centre of the sphere around a node's lights and r its radius; theta the angle between the axis of their
-//! normals and the direction to the point, theta_o that within which these normals lie, theta_b half of that under which the sphere is seen. From the root on,
-//! one of two children is taken in proportion to it, so that what cannot shine to the point is never taken. The normal at the point is left
-//! out: a ray that meets a light by chance must know the density with no more than the point it came from.
+//! d is the distance to the centre of the sphere around a node's lights and r its radius; theta the angle between the
+//! axis of their normals and the direction to the point, theta_o that within which these normals lie, theta_b half of
+//! that under which the sphere is seen. From the root on, one of two children is taken in proportion to it, so that
+//! what cannot shine to the point is never taken. The normal at the point is left out: a ray that meets a light by
+//! chance must know the density with no more than the point it came from.
 //!
 //! # Source
-//! Conty Estevez, Kulla 2018: Importance Sampling of Many Lights with Adaptive Tree Splitting. The walk from a light to the root is that of Pharr, Jakob, Humphreys
-//! 2023: Physically Based Rendering, 4th edition, 12.6.3. We depart in that nothing is split: one light is taken;
-//! and in the denominator, which is max(d, r)^2 there: with 10,000 lamps in a hall that let a sample deviate by 2.8 times the mean, and ours by 1.0, for the
-//! one lamp beside the point is found only if the large nodes around it weigh more than those without.
+//! Conty Estevez, Kulla 2018: Importance Sampling of Many Lights with Adaptive Tree Splitting. The walk from a light to
+//! the root is that of Pharr, Jakob, Humphreys 2023: Physically Based Rendering, 4th edition, 12.6.3. We depart in that
+//! nothing is split: one light is taken; and in the denominator, which is max(d, r)^2 there: with 10,000 lamps in a
+//! hall that let a sample deviate by 2.8 times the mean, and ours by 1.0, for the one lamp beside the point is found
+//! only if the large nodes around it weigh more than those without.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -72,7 +74,8 @@ const BINS: usize = 12;
 /// Nearer than this, metres squared, a light without extent counts as so far away: no importance may be infinite.
 const LEAST_DISTANCE_SQ: f32 = 1e-12;
 
-/// The share of the squared radius by which a squared distance is softened. Without, a point near the centre of a node looks for lights only there.
+/// The share of the squared radius by which a squared distance is softened. Without, a point near the centre of a node
+/// looks for lights only there.
 const SOFTENING: f32 = 0.05;
 
 /// Added to the cosine of the importance, so that rounding never leaves out a light that shines, seen edge on.
@@ -109,13 +112,15 @@ impl LightTree {
         tree
     }
 
-    /// Returns about the irradiance that all lights together bring to a surface at `p` that faces them, summed over the channels.
+    /// Returns about the irradiance that all lights together bring to a surface at `p` that faces them, summed over the
+    /// channels.
     #[inline]
     pub(super) fn irradiance(&self, p: Vec3A) -> f32 {
         self.nodes[0].importance(p) / PI
     }
 
-    /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability; `None` where none shines to it.
+    /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability; `None` where none shines to
+    /// it.
     ///
     /// In f64 the remainder of `u` keeps its digits over all levels.
     #[inline]
@@ -232,7 +237,8 @@ impl Cluster {
         }
     }
 
-    /// Returns what a part costs (the orientation heuristic of the source, eq. 1): flux times area times solid angle to which it shines.
+    /// Returns what a part costs (the orientation heuristic of the source, eq. 1): flux times area times solid angle to
+    /// which it shines.
     fn cost(&self) -> f32 {
         let size = self.bounds.max - self.bounds.min;
         let area = size.x * size.y + size.y * size.z + size.z * size.x;
@@ -333,7 +339,8 @@ mod tests {
 
     use super::*;
 
-    /// Small triangles' boxes in a room of 10 metres, some facing down, some sideways, and a few lights without a normal.
+    /// Small triangles' boxes in a room of 10 metres, some facing down, some sideways, and a few lights without a
+    /// normal.
     fn emitters(count: u32) -> Vec<Emitter> {
         let hash = |i: u32, k: u32| {
             let x = i.wrapping_mul(0x9e37_79b9) ^ k.wrapping_mul(0x85eb_ca6b);

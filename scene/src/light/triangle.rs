@@ -1,10 +1,12 @@
 //! A triangle that shines from its front.
 //!
-//! Seen from near, directions are chosen uniformly per solid angle; from far, points uniformly per area, which is cheaper and there as good: distance and
-//! cosine hardly vary. Which of them depends on the point alone, so that the density is known for any direction.
+//! Seen from near, directions are chosen uniformly per solid angle; from far, points uniformly per area, which is
+//! cheaper and there as good: distance and cosine hardly vary. Which of them depends on the point alone, so that the
+//! density is known for any direction.
 //!
 //! # Source
-//! Arvo 1995: Stratified Sampling of Spherical Triangles. Van Oosterom, Strackee 1983: The Solid Angle of a Plane Triangle.
+//! Arvo 1995: Stratified Sampling of Spherical Triangles. Van Oosterom, Strackee 1983: The Solid Angle of a Plane
+//! Triangle.
 
 use std::f32::consts::PI;
 
@@ -22,7 +24,8 @@ pub(crate) struct TriangleLight {
     /// Unit normal of the front.
     pub(super) normal: Vec3A,
     pub(super) area: f32,
-    /// Points are seen from so far in front, metres: nearer ones may be rounded points of the plane itself, or of the back.
+    /// Points are seen from so far in front, metres: nearer ones may be rounded points of the plane itself, or of the
+    /// back.
     pub(super) clearance: f32,
     /// Length of the longest edge, squared.
     size_sq: f32,
@@ -44,7 +47,8 @@ pub(super) struct TrianglePattern {
     mean: Vec3,
 }
 
-/// A triangle is far if its squared distance is at least this many times its longest edge's square: distances then differ by a tenth.
+/// A triangle is far if its squared distance is at least this many times its longest edge's square: distances then
+/// differ by a tenth.
 const FAR_SQ: f32 = 100.0;
 
 /// Slivers of a smaller solid angle are sampled by area: Arvo's formula would lose its digits in f64.
@@ -78,8 +82,8 @@ impl TriangleLight {
         self.radiance * (PI * self.area) * self.pattern.as_ref().map_or(Vec3::ONE, |pattern| pattern.mean)
     }
 
-    /// Returns the radiance of a point of it, which is given by the barycentrics of the second and the third corner, where it matters: of all rays that meet
-    /// it there, some pass.
+    /// Returns the radiance of a point of it, which is given by the barycentrics of the second and the third corner,
+    /// where it matters: of all rays that meet it there, some pass.
     #[inline]
     fn radiance_at(&self, barycentrics: impl FnOnce() -> Vec2) -> Vec3 {
         match &self.pattern {
@@ -148,7 +152,8 @@ impl TrianglePattern {
     }
 }
 
-/// Returns the barycentrics of the second and the third corner of a point that is uniform over the area, see [`TriangleLight::point`].
+/// Returns the barycentrics of the second and the third corner of a point that is uniform over the area, see
+/// [`TriangleLight::point`].
 fn barycentrics(u: Vec2) -> Vec2 {
     u.x.sqrt() * Vec2::new(1.0 - u.y, u.y)
 }
@@ -161,7 +166,8 @@ fn barycentrics_of(p: DVec3, [a, b, c]: [DVec3; 3]) -> Vec2 {
     (shares / shares.element_sum().max(f64::MIN_POSITIVE)).yz().as_vec2()
 }
 
-/// Returns what has these values at the corners of a triangle at a point of it, given by the barycentrics of the second and the third one.
+/// Returns what has these values at the corners of a triangle at a point of it, given by the barycentrics of the second
+/// and the third one.
 fn interpolated([a, b, c]: [Vec2; 3], barycentrics: Vec2) -> Vec2 {
     a * (1.0 - barycentrics.element_sum()) + b * barycentrics.x + c * barycentrics.y
 }
@@ -171,7 +177,8 @@ fn largest(points: &[Vec3]) -> Vec3A {
     points.iter().fold(Vec3::ZERO, |largest, p| largest.max(p.abs())).into()
 }
 
-/// Returns how far from the plane of a flat light, whose coordinates are at most `largest`, points may be that are meant to lie in it.
+/// Returns how far from the plane of a flat light, whose coordinates are at most `largest`, points may be that are
+/// meant to lie in it.
 fn clearance(normal: Vec3A, largest: Vec3A) -> f32 {
     // The point is rounded, and so is the way from it to the plane.
     2.0 * position_error(normal, largest)
@@ -182,8 +189,8 @@ fn position_error(normal: Vec3A, largest: Vec3A) -> f32 {
     largest.dot(normal.abs()) * POSITION_ERROR
 }
 
-/// Starts a photon of a flat light, whose coordinates are at most `largest`, at its point `p`: towards the target, or in a direction of density cos(theta) / pi. The
-/// flux is what all photons carry that go anywhere.
+/// Starts a photon of a flat light, whose coordinates are at most `largest`, at its point `p`: towards the target, or
+/// in a direction of density cos(theta) / pi. The flux is what all photons carry that go anywhere.
 pub(super) fn leave(
     p: Vec3A,
     normal: Vec3A,

@@ -70,7 +70,8 @@ impl<'a> Files<'a> {
         }
     }
 
-    /// Returns the path that `name` in the file `from` means: relative to its folder, with `\` for `/` where only that exists.
+    /// Returns the path that `name` in the file `from` means: relative to its folder, with `\` for `/` where only that
+    /// exists.
     pub(super) fn resolve(self, from: &Path, name: &str) -> PathBuf {
         let folder = from.parent().unwrap_or(Path::new(""));
         let path = folder.join(name);

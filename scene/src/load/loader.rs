@@ -34,7 +34,8 @@ pub(super) struct Loader<'a> {
     pub(super) warnings: Warnings,
     pub(super) cutter: Cutter,
     textures: HashMap<(PathBuf, Use), u32>,
-    /// Where the meshes of OBJ files are in the description, as they were read: they are moved when no other needs them.
+    /// Where the meshes of OBJ files are in the description, as they were read: they are moved when no other needs
+    /// them.
     objs: HashMap<(PathBuf, Option<u32>), usize>,
     triangles: usize,
     copies: u64,
@@ -188,8 +189,8 @@ impl<'a> Loader<'a> {
         }
     }
 
-    /// Adds the mesh of an OBJ with the materials that its faces use, or with one `material` for all; returns its index. It is not to be changed before
-    /// all files are read, for it is copied where its file is named again.
+    /// Adds the mesh of an OBJ with the materials that its faces use, or with one `material` for all; returns its
+    /// index. It is not to be changed before all files are read, for it is copied where its file is named again.
     pub(super) fn add_obj(&mut self, path: &Path, material: Option<u32>, place: Place<'_>) -> Result<usize, LoadError> {
         let key = (self.files.identity(path), material);
         if let Some(&index) = self.objs.get(&key) {
@@ -226,7 +227,8 @@ impl<'a> Loader<'a> {
             return self.default_material(file);
         };
         let mut material = mtl_meaning::translate(mtl, mtl_path, &mut self.warnings)?;
-        // Glass has neither a diffuse part nor holes, metal no diffuse part: a picture that nothing would show may be missing.
+        // Glass has neither a diffuse part nor holes, metal no diffuse part: a picture that nothing would show may be
+        // missing.
         let transmits = matches!(material.specular, SpecularKind::Dielectric { .. });
         let is_metal = mtl.metalness == Some(1.0);
         if let Some(map) = mtl.diffuse_map.as_ref().filter(|_| !transmits && !is_metal) {
@@ -304,7 +306,8 @@ impl<'a> Loader<'a> {
         Ok(library)
     }
 
-    /// File names in an argument of `mtllib`: all of it where there is such a file, else its words; `\ ` is a blank in a word.
+    /// File names in an argument of `mtllib`: all of it where there is such a file, else its words; `\ ` is a blank in
+    /// a word.
     fn library_names(&self, path: &Path, argument: &str) -> Vec<String> {
         if self.files.exists(&self.files.resolve(path, argument)) {
             return vec![argument.to_owned()];

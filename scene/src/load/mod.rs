@@ -1,6 +1,7 @@
 //! Reads scenes from files: TOML scene files and OBJ meshes, their materials and pictures.
 //!
-//! Files are hostile until proved otherwise: every number is checked where it stands, every size before memory is taken for it.
+//! Files are hostile until proved otherwise: every number is checked where it stands, every size before memory is taken
+//! for it.
 
 mod error;
 mod files;

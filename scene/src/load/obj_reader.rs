@@ -247,7 +247,8 @@ impl Counted {
     }
 }
 
-/// Copies the first `wanted` numbers of a line to `out` after checking them; what follows (weights, colours) is left out.
+/// Copies the first `wanted` numbers of a line to `out` after checking them; what follows (weights, colours) is left
+/// out.
 fn numbers(text: &str, wanted: usize, out: &mut String) -> Result<(), String> {
     let mut found = 0;
     for word in uncommented(text).split_ascii_whitespace().take(wanted) {

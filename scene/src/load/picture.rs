@@ -14,7 +14,9 @@ use super::warnings::Warnings;
 use super::{limits, read_file};
 use crate::srgb::linear_from_srgb;
 
-/// A picture as its file has it (an EXR within its display window, a Radiance picture as radiance, without its exposure), NaN, infinite and negative values included: for whoever measures pictures. Those that scenes name are mended.
+/// A picture as its file has it (an EXR within its display window, a Radiance picture as radiance, without its
+/// exposure), NaN, infinite and negative values included: for whoever measures pictures. Those that scenes name are
+/// mended.
 ///
 /// # Example
 ///
@@ -216,7 +218,8 @@ fn decode_hdr(bytes: &[u8], file: Place<'_>) -> Result<Decoded, LoadError> {
     Ok(Decoded { size, format: PictureFormat::Hdr, has_other_primaries, data })
 }
 
-/// Whether x and y of red, green, blue and white are those of Rec. 709, or as near as those that Radiance takes where it is not told. Zeros tell nothing.
+/// Whether x and y of red, green, blue and white are those of Rec. 709, or as near as those that Radiance takes where
+/// it is not told. Zeros tell nothing.
 pub(super) fn is_rec_709(chromaticities: &[f32]) -> bool {
     const REC_709: [f32; 8] = [0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329];
     const NEAR: f32 = 0.025;
@@ -231,7 +234,8 @@ fn damaged(error: &image::ImageError, file: Place<'_>) -> LoadError {
     }
 }
 
-/// Refuses a size beyond the limits, before memory is taken for it. `unpacked` is the bytes that decoding takes for a pixel.
+/// Refuses a size beyond the limits, before memory is taken for it. `unpacked` is the bytes that decoding takes for a
+/// pixel.
 pub(super) fn check_size(
     width: u64,
     height: u64,
@@ -255,7 +259,8 @@ pub(super) fn check_size(
     Ok(())
 }
 
-/// Replaces NaN and negative values by 0 and infinite ones by the largest finite value; returns the number of pixels mended.
+/// Replaces NaN and negative values by 0 and infinite ones by the largest finite value; returns the number of pixels
+/// mended.
 fn mend(pixels: &mut [Vec3]) -> usize {
     let finite = pixels.iter().flat_map(|pixel| pixel.to_array()).filter(|value| value.is_finite());
     let largest = finite.fold(0.0, f32::max);

@@ -1,4 +1,5 @@
-//! OpenEXR pictures: the first flat part with channels R, G and B, and A if there is one. Sizes are checked on the header, as the library has no limits.
+//! OpenEXR pictures: the first flat part with channels R, G and B, and A if there is one. Sizes are checked on the
+//! header, as the library has no limits.
 
 use std::io::Cursor;
 

@@ -9,8 +9,8 @@ use glam::{Vec3, Vec3A};
 
 use super::{BsdfSample, mirrored};
 
-/// Returns the share of unpolarised light that is reflected, for the cosine of incidence in [0, 1] and `eta`, the index beyond the
-/// surface over that before it; 1 from the critical angle on.
+/// Returns the share of unpolarised light that is reflected, for the cosine of incidence in [0, 1] and `eta`, the index
+/// beyond the surface over that before it; 1 from the critical angle on.
 ///
 /// # Source
 /// Born, Wolf 1999: Principles of Optics, 1.5.2.

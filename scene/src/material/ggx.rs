@@ -7,8 +7,8 @@
 //! ```
 //!
 //! # Source
-//! Walter, Marschner, Li, Torrance 2007: Microfacet Models for Refraction through Rough Surfaces (D and G1). Dupuy, Benyoub 2023:
-//! Sampling Visible GGX Normals with Spherical Caps.
+//! Walter, Marschner, Li, Torrance 2007: Microfacet Models for Refraction through Rough Surfaces (D and G1). Dupuy,
+//! Benyoub 2023: Sampling Visible GGX Normals with Spherical Caps.
 
 use std::f32::consts::PI;
 
@@ -45,7 +45,8 @@ pub(super) fn pdf(alpha: f32, wo: Vec3A, h: Vec3A) -> f32 {
 /// Returns the mirror direction of `wo` at a visible microfacet; it may lie below the surface.
 #[inline]
 pub(super) fn sample(alpha: f32, wo: Vec3A, u: Vec2) -> Vec3A {
-    // In the space where the microfacets form a sphere, visible normals are half way between wo and the points of a cap.
+    // In the space where the microfacets form a sphere, visible normals are half way between wo and the points of a
+    // cap.
     let stretched = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
     let (sin_phi, cos_phi) = hemimap::sin_cos_turn(u.x);
     let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;

@@ -1,8 +1,8 @@
 //! How a surface reflects: the sum of a diffuse and a specular part, f = f_d + f_s (paper, eq. 5).
 //!
-//! Directions are unit vectors in the local frame whose z is the shading normal on the viewer's side; `wo` goes to the viewer
-//! (wo.z > 0), `wi` to the light. `eval` does not hold the cosine. Perfect reflection and refraction are delta lobes: `eval` and `pdf`
-//! do not see them, only `sample` and [`Bsdf::delta_branches`] do.
+//! Directions are unit vectors in the local frame whose z is the shading normal on the viewer's side; `wo` goes to the
+//! viewer (wo.z > 0), `wi` to the light. `eval` does not hold the cosine. Perfect reflection and refraction are delta
+//! lobes: `eval` and `pdf` do not see them, only `sample` and [`Bsdf::delta_branches`] do.
 
 mod dielectric;
 mod ggx;
@@ -83,7 +83,8 @@ pub struct BsdfSample {
     pub delta: bool,
     /// Whether it passes the surface.
     pub transmitted: bool,
-    /// The part of `weight` by which radiance, unlike flux, changes when it is refracted: 1 / eta^2, else 1. Photons carry flux: divide by it.
+    /// The part of `weight` by which radiance, unlike flux, changes when it is refracted: 1 / eta^2, else 1. Photons
+    /// carry flux: divide by it.
     pub radiance_scale: f32,
 }
 
@@ -91,7 +92,8 @@ impl Bsdf {
     /// Black: absorbs everything.
     pub const BLACK: Self = Self { diffuse: Vec3::ZERO, specular: Specular::None };
 
-    /// Returns f(wo, wi) per steradian, without the cosine and without delta lobes; 0 unless both are above the surface.
+    /// Returns f(wo, wi) per steradian, without the cosine and without delta lobes; 0 unless both are above the
+    /// surface.
     #[inline]
     #[must_use]
     pub fn eval(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> Vec3 {
@@ -111,7 +113,8 @@ impl Bsdf {
         f
     }
 
-    /// Returns the density with which [`Bsdf::sample`] of the same lobes chooses `wi`, per steradian; delta lobes do not count.
+    /// Returns the density with which [`Bsdf::sample`] of the same lobes chooses `wi`, per steradian; delta lobes do
+    /// not count.
     #[inline]
     #[must_use]
     pub fn pdf(&self, lobes: Lobes, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -156,7 +159,8 @@ impl Bsdf {
         (f, pdf)
     }
 
-    /// Chooses a direction for `wo` among `lobes`, by about their share of the energy; `None` where nothing is reflected there.
+    /// Chooses a direction for `wo` among `lobes`, by about their share of the energy; `None` where nothing is
+    /// reflected there.
     ///
     /// `u_lobe` chooses the lobe (for a dielectric: reflection or refraction), `u` the direction.
     #[inline]
@@ -212,8 +216,8 @@ impl Bsdf {
         self.diffuse != Vec3::ZERO
     }
 
-    /// Whether any of the lobes may reflect light from a direction that light sampling chose: a diffuse or a rough specular one. On mirrors and glass, and on what is
-    /// black, light sampling is in vain.
+    /// Whether any of the lobes may reflect light from a direction that light sampling chose: a diffuse or a rough
+    /// specular one. On mirrors and glass, and on what is black, light sampling is in vain.
     ///
     /// ```
     /// use scene::glam::Vec3;
@@ -228,7 +232,8 @@ impl Bsdf {
         lobes.contains(Lobes::DIFFUSE) && self.has_diffuse() || lobes.contains(Lobes::SPECULAR) && self.has_glossy()
     }
 
-    /// Whether [`Bsdf::sample`] of all lobes asks `u_lobe`: there are two parts, or a surface that both reflects and refracts.
+    /// Whether [`Bsdf::sample`] of all lobes asks `u_lobe`: there are two parts, or a surface that both reflects and
+    /// refracts.
     #[inline]
     #[must_use]
     pub fn has_choice(&self) -> bool {
@@ -246,7 +251,8 @@ impl Bsdf {
         matches!(self.specular, Specular::Ggx { .. })
     }
 
-    /// Returns the delta lobes' directions with their shares as weights (Fresnel included): reflection, then refraction.
+    /// Returns the delta lobes' directions with their shares as weights (Fresnel included): reflection, then
+    /// refraction.
     #[inline]
     #[must_use]
     pub fn delta_branches(&self, wo: Vec3A) -> [Option<BsdfSample>; 2] {
@@ -269,8 +275,8 @@ impl Bsdf {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, delta: false, transmitted: false, radiance_scale: 1.0 })
     }
 
-    /// Returns the probability that [`Bsdf::sample`] takes the specular part among `lobes`: about its share of the energy, 0 where there is
-    /// none and 1 where there is no other.
+    /// Returns the probability that [`Bsdf::sample`] takes the specular part among `lobes`: about its share of the
+    /// energy, 0 where there is none and 1 where there is no other.
     #[inline]
     #[must_use]
     pub fn specular_probability(&self, lobes: Lobes, wo: Vec3A) -> f32 {
@@ -290,7 +296,8 @@ impl Bsdf {
 
     /// Returns the factor of the microfacets at a cosine with their normal.
     ///
-    /// Schlick's formula rises to 1 - diffuse, not to 1, so that both parts together never reflect more than they receive.
+    /// Schlick's formula rises to 1 - diffuse, not to 1, so that both parts together never reflect more than they
+    /// receive.
     #[inline]
     fn fresnel(&self, cosine: f32) -> Vec3 {
         match self.specular {

@@ -23,7 +23,8 @@ fn squares(squares: &[(Vec3, f32)]) -> Mesh {
     }
 }
 
-/// Lamps of radiance 1: squares, then a ball of radius 0.5 at (3, 0, 4); a point light, if it has an intensity; and a sky.
+/// Lamps of radiance 1: squares, then a ball of radius 0.5 at (3, 0, 4); a point light, if it has an intensity; and a
+/// sky.
 fn mixed(lamps: &[(Vec3, f32)], intensity: f32, sky: f32) -> Scene {
     let point = PunctualLight::Point { position: Vec3::new(0.0, -2.0, 0.0), intensity: Vec3::splat(intensity) };
     let description = Description {

@@ -34,7 +34,8 @@ fn irradiance_of_free_forms_is_known() {
     let scene = form_lights(vec![cuboid]);
     assert_irradiance(scene.lights(), Vec3A::Z, 1.740_839_502_734, 1.0, "a box overhead");
     assert_irradiance(scene.lights(), Vec3A::new(sin, 0.0, cos), 0.909_067_569_058, 1.5, "a box aslant");
-    // Within a hollow of constant radiance everything receives pi, in the middle and on the shining wall itself, which must not find itself at once.
+    // Within a hollow of constant radiance everything receives pi, in the middle and on the shining wall itself, which
+    // must not find itself at once.
     for (centre, n) in
         [(DVec3::ZERO, Vec3A::Z), (DVec3::Z, Vec3A::Z), (DVec3::new(0.48, -0.6, -0.64), Vec3A::new(0.48, -0.6, -0.64))]
     {
@@ -121,7 +122,8 @@ fn far_from_the_origin_free_forms_do_not_hide_themselves() {
 
 #[test]
 fn densities_of_free_forms_are_those_of_their_samples() {
-    // A light that is only a part of its region: the density over the directions that meet it is the share of samples that do.
+    // A light that is only a part of its region: the density over the directions that meet it is the share of samples
+    // that do.
     let bar = Solid::cuboid(DVec3::new(-1.0, -0.1, -0.1), DVec3::new(1.0, 0.1, 0.1)).expect("a box");
     let turned = DAffine3::from_axis_angle(DVec3::ONE.normalize(), 0.8);
     let bar = bar.transformed(&(DAffine3::from_translation(DVec3::Z * 2.0) * turned)).expect("not singular");
@@ -200,7 +202,8 @@ fn photons_of_free_forms_carry_their_flux() {
 
 #[test]
 fn photons_start_where_pictures_let_a_form_shine() {
-    // Of a ball of radius 0.5 the half at y < 0 shines: a picture is laid through it along z, of which a quarter is bright.
+    // Of a ball of radius 0.5 the half at y < 0 shines: a picture is laid through it along z, of which a quarter is
+    // bright.
     let rows = [[Vec3::ZERO; 768].as_slice(), &[Vec3::splat(4.0); 256]].concat();
     let projection = Projection::planar(DVec3::Y * -1.0, DVec3::X, DVec3::Y * 4.0);
     let holes: Vec<Vec3> = rows.iter().map(|row| *row / 4.0).collect();

@@ -9,7 +9,8 @@ use crate::measure::{Random, assert_irradiance, emitter, irradiance, is_normal};
 
 #[test]
 fn lights_add_up_in_proportion_to_their_flux() {
-    // Ten thousand point lights of I = i on a ring of radius 3 at height 4: E = N (N + 1) / 2 times 4 / 125, and hardly a sample deviates.
+    // Ten thousand point lights of I = i on a ring of radius 3 at height 4: E = N (N + 1) / 2 times 4 / 125, and hardly
+    // a sample deviates.
     let n = 10_000;
     let light = |i: u32| {
         let (sin, cos) = (i as f32).sin_cos();
@@ -76,7 +77,8 @@ fn ten_thousand_lights_are_sampled_without_bias_and_with_little_deviation() {
 
 #[test]
 fn photons_carry_the_flux_of_the_lights() {
-    // A shell around everything counts what arrives, by the formula of each light: here a lamp and a point light in a dark ball.
+    // A shell around everything counts what arrives, by the formula of each light: here a lamp and a point light in a
+    // dark ball.
     let square =
         [Vec3::new(-1.0, -1.0, 1.0), Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, 1.0, 1.0), Vec3::new(1.0, -1.0, 1.0)];
     let mesh = Mesh {

@@ -46,7 +46,8 @@ pub(crate) fn form(solid: Solid, material: u32) -> FormObject {
     FormObject { name: String::new(), solid, material, projection: None, copies: vec![] }
 }
 
-/// A scene of a polygon, split into a fan, that shines with radiance 1 to the side of which its corners are counter-clockwise.
+/// A scene of a polygon, split into a fan, that shines with radiance 1 to the side of which its corners are
+/// counter-clockwise.
 pub(crate) fn polygon_light(corners: &[Vec3]) -> Scene {
     let triangles: Vec<[u32; 3]> = (2u32..).take(corners.len() - 2).map(|i| [0, i - 1, i]).collect();
     let materials = vec![0; triangles.len()];
@@ -86,7 +87,8 @@ pub(crate) fn assert_irradiance(lights: &Lights, n: Vec3A, expected: f64, most_d
     assert!(deviation < most_deviation, "{what}: the relative deviation is {deviation}");
 }
 
-/// Asserts that the density integrates to 1 over a cone that holds all lights, and that `sample` and rays that come by chance agree upon it.
+/// Asserts that the density integrates to 1 over a cone that holds all lights, and that `sample` and rays that come by
+/// chance agree upon it.
 pub(crate) fn assert_densities_agree(scene: &Scene, depth: f32) {
     let p = Vec3A::ZERO;
     let lights = scene.lights();

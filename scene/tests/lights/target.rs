@@ -59,7 +59,8 @@ fn photons_of_the_sky_for_mirrors_bring_what_all_would() {
             }
         }
     }
-    // A sixth of the spheres' cross-section is that of the squares, seen at a mean cosine of a half; 4 km^2 of floor would have nearly all.
+    // A sixth of the spheres' cross-section is that of the squares, seen at a mean cosine of a half; 4 km^2 of floor
+    // would have nearly all.
     assert!(met > n / 10, "{met} of {n}");
     // How much of the sky each sees: uniform on its top, and over the hemisphere by cosine.
     let mut open = [0.0; 6];
@@ -82,7 +83,8 @@ fn photons_of_the_sky_for_mirrors_bring_what_all_would() {
 
 #[test]
 fn photons_of_lamps_for_mirrors_bring_what_all_would() {
-    // Under a lamp at the origin one mirror behind the other; beside it one across its plane, and a small one so near that the spheres around it and around the largest lamp meet.
+    // Under a lamp at the origin one mirror behind the other; beside it one across its plane, and a small one so near
+    // that the spheres around it and around the largest lamp meet.
     let mirrors = [
         square(Vec3::new(0.3, -2.0, 0.0), 0.6, 1),
         square(Vec3::new(0.5, -3.0, 0.0), 0.9, 1),

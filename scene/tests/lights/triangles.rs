@@ -43,7 +43,8 @@ fn far_small_and_thin_lights_are_exact() {
         1e-3,
         "an edge of a micrometre",
     );
-    // A strip 1e-4 wide from below the horizon to near the zenith: L times the integral of z dw, by quadrature along it.
+    // A strip 1e-4 wide from below the horizon to near the zenith: L times the integral of z dw, by quadrature along
+    // it.
     let strip =
         [Vec3::new(-1.0, 0.0, 0.1), Vec3::new(-1.0, 1e-4, 0.1), Vec3::new(1.0, 1e-4, 0.1), Vec3::new(1.0, 0.0, 0.1)];
     let n = 100_000;

@@ -1,4 +1,5 @@
-//! What pictures cost: large ones are rendered in bands, which nobody is to notice, and flat views take no more rays than gathers would.
+//! What pictures cost: large ones are rendered in bands, which nobody is to notice, and flat views take no more rays
+//! than gathers would.
 
 use glam::{UVec2, Vec3};
 use integrator::{Method, Settings, render};
@@ -26,7 +27,8 @@ fn a_pixel_takes_as_many_rays_whatever_the_size_of_the_picture() {
     }
 }
 
-/// Where the eye looks along a floor, no record reaches the next row of pixels: then each point is looked at, as by a gather, and nothing is cached in vain.
+/// Where the eye looks along a floor, no record reaches the next row of pixels: then each point is looked at, as by a
+/// gather, and nothing is cached in vain.
 #[test]
 fn flat_views_take_hardly_more_rays_than_gathers() {
     for elevation in [60.0, 3.0, 0.3, 0.03] {

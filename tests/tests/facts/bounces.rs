@@ -21,7 +21,8 @@ fn wedge_has_constant_irradiance() {
     ];
     for (degrees, rho, distance, end) in cases {
         let Graded { scene, known } = wedge(degrees, rho, end, distance, 60.0);
-        // The light of a narrow wedge has been reflected some five times, so that each solution for it is one percent off.
+        // The light of a narrow wedge has been reflected some five times, so that each solution for it is one percent
+        // off.
         let seeds = if degrees == 30.0 { 8 } else { 2 };
         let effort = Effort { path_spp: 128, spp: 4, seeds, quality: 1.0, ..Effort::default() };
         for method in METHODS {
@@ -33,7 +34,8 @@ fn wedge_has_constant_irradiance() {
 
 #[test]
 fn integrating_sphere_is_uniform() {
-    // rho = 0.5, R = 1, I = 1 at (0, 0, 0.6): each bounce brings E = rho^k I / R^2 everywhere, all together rho / (1 - rho) = 1.
+    // rho = 0.5, R = 1, I = 1 at (0, 0, 0.6): each bounce brings E = rho^k I / R^2 everywhere, all together rho / (1 -
+    // rho) = 1.
     let room = Builder::default().ball_room(lambert(0.5)).point_light(Vec3::new(0.0, 0.0, 0.6), 1.0);
     let direct = |p: DVec3| {
         let to_light = DVec3::Z * 0.6 - p;

@@ -15,7 +15,8 @@ fn clear_glass_vanishes_in_a_white_furnace() {
     let form = Builder::default().ball(Vec3::ZERO, 1.0, glass(1.5, 0.0));
     let mesh = Builder::default().mesh(icosphere(Vec3::ZERO, 1.0, 3), glass(1.5, 0.0));
     let slab = Builder::default().mesh(cuboid(Vec3::new(-9.0, -9.0, -0.5), Vec3::new(9.0, 9.0, 0.5)), glass(1.8, 0.0));
-    // All the noise of the path tracer is that of roulette, which ends a path in 30,000: so many are needed for its spread to be seen at all.
+    // All the noise of the path tracer is that of roulette, which ends a path in 30,000: so many are needed for its
+    // spread to be seen at all.
     let effort = Effort { path_spp: 1024, ..effort() };
     for (body, what) in [(form, "free form"), (mesh, "mesh"), (slab, "slab")] {
         let scene = body.sky(1.0).view(Vec3::new(0.2, -1.0, 4.0), Vec3::ZERO, 20.0).build();
@@ -28,7 +29,8 @@ fn clear_glass_vanishes_in_a_white_furnace() {
 
 #[test]
 fn slab_with_absorption_sums_its_internal_reflections() {
-    // T = (1 - R)^2 e / (1 - R^2 e^2) and R + (1 - R)^2 R e^2 / (1 - R^2 e^2), e = exp(-s d / cos theta_t), in a sky of 1.
+    // T = (1 - R)^2 e / (1 - R^2 e^2) and R + (1 - R)^2 R e^2 / (1 - R^2 e^2), e = exp(-s d / cos theta_t), in a sky
+    // of 1.
     let cases = [
         (1.5f32, 0.0f32, 1.0f32, 0.339_111 + 0.044_990),
         (1.5, 60.0, 0.5, 0.450_739 + 0.110_978),
@@ -83,8 +85,8 @@ fn glass_that_stands_on_a_floor_is_as_glass_that_reaches_into_it() {
 
 #[test]
 fn what_glass_throws_back_is_not_lost() {
-    // All indirect light on the floor comes by way of the glass, from a few places that few texels show. Records that missed them reached farthest, and with the say that this gave
-    // them a tenth to a sixth of the light was gone.
+    // All indirect light on the floor comes by way of the glass, from a few places that few texels show. Records that
+    // missed them reached farthest, and with the say that this gave them a tenth to a sixth of the light was gone.
     let scene = block(0.05).build();
     let effort = Effort { side: 64, seeds: 3, quality: 1.0, ..Effort::default() };
     let known = mean(&scene, Method::Gather, Term::Indirect, &effort);

@@ -50,14 +50,16 @@ fn irradiance_of_polygon_is_lamberts_formula() {
 
 #[test]
 fn irradiance_of_sphere_light_is_known_above_and_across_the_horizon() {
-    // Radius 1 at distance h, w degrees from the normal. The form is sampled by the cone of its ball, in which nothing misses.
+    // Radius 1 at distance h, w degrees from the normal. The form is sampled by the cone of its ball, in which nothing
+    // misses.
     for (h, degrees, mesh_spp, form_spp) in
         [(2.0f32, 0.0f32, 128, 32), (2.0, 45.0, 256, 32), (2.0, 75.0, 512, 128), (2.0, 90.0, 512, 256)]
     {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let centre = Vec3::new(sin, 0.0, cos) * h;
         let of_form = |p: DVec3| sphere_irradiance(centre.as_dvec3(), 1.0, p, DVec3::Z) / PI;
-        // Of a sphere of triangles each that looks at the floor is seen in full. At the horizon it has 0.2 % more than a sphere.
+        // Of a sphere of triangles each that looks at the floor is seen in full. At the horizon it has 0.2 % more than
+        // a sphere.
         let (positions, triangles) = icosphere(centre, 1.0, 2);
         let of_mesh = |p: DVec3| {
             let sides = triangles.iter().map(|corners| {
@@ -84,8 +86,9 @@ fn irradiance_of_sphere_light_is_known_above_and_across_the_horizon() {
 
 #[test]
 fn free_forms_that_fill_their_boxes_in_part_are_unbiased() {
-    // A lamp that is a box, turned: the directions of the box around it are sampled, of which it fills some two thirds. Of what it is made of no side is hidden
-    // by another, so that its irradiance is the sum over those that look at the floor.
+    // A lamp that is a box, turned: the directions of the box around it are sampled, of which it fills some two thirds.
+    // Of what it is made of no side is hidden by another, so that its irradiance is the sum over those that look at the
+    // floor.
     let place = DAffine3::from_axis_angle(DVec3::new(1.0, 0.5, 0.3).normalize(), 0.7);
     let place = DAffine3::from_translation(DVec3::new(0.3, -0.2, 1.2)) * place;
     let half = DVec3::new(0.5, 0.3, 0.2);
@@ -111,7 +114,8 @@ fn free_forms_that_fill_their_boxes_in_part_are_unbiased() {
     }
 }
 
-/// A picture of which the lower half, v < 0.5, is `level` and the upper half black; the filter leaves an edge of a thousandth.
+/// A picture of which the lower half, v < 0.5, is `level` and the upper half black; the filter leaves an edge of a
+/// thousandth.
 fn half_picture(level: f32) -> Texture {
     // Rows are from above.
     Texture::from_linear(1, 1024, [[Vec3::ZERO; 512], [Vec3::splat(level); 512]].concat())
@@ -138,7 +142,8 @@ fn check_half_a_square(material: Material, level: f32) {
     }
 }
 
-/// Checks a ball of which the half at y < 0 shines alone. The other half is black, or a hole through which one sees the dark back of this one.
+/// Checks a ball of which the half at y < 0 shines alone. The other half is black, or a hole through which one sees the
+/// dark back of this one.
 fn check_half_a_ball(material: Material, level: f32) {
     let (centre, radius) = (DVec3::new(0.0, 0.2, 1.0), 0.4);
     let mut builder = floor(Vec3::Z).ball(centre.as_vec3(), 0.4, material);
@@ -153,7 +158,8 @@ fn check_half_a_ball(material: Material, level: f32) {
     }
 }
 
-/// The share of the irradiance pi that the half at y < 0 of a ball of radiance 1 gives at `p` with the normal z: by the midpoint rule over what is seen.
+/// The share of the irradiance pi that the half at y < 0 of a ball of radiance 1 gives at `p` with the normal z: by the
+/// midpoint rule over what is seen.
 fn half_ball(centre: DVec3, radius: f64, p: DVec3) -> f64 {
     const STEPS: u32 = 200;
     let (offset, axis) = (centre - p, (centre - p).normalize());
@@ -186,7 +192,8 @@ fn lamps_shine_by_their_textures() {
 
 #[test]
 fn free_forms_that_are_there_in_part_shine_in_part() {
-    // Of a ball a share o is seen. A hollow one shows the far side of its hollow, too, through what is not there of the two surfaces before it.
+    // Of a ball a share o is seen. A hollow one shows the far side of its hollow, too, through what is not there of the
+    // two surfaces before it.
     let (centre, opacity) = (Vec3::Z * 2.0, 0.4_f32);
     let lamp = || Material { opacity, ..lamp(1.0) };
     let ball = |radius| {

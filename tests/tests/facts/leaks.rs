@@ -5,8 +5,8 @@ use integrator::{Film, Method};
 use tests::graded::{Graded, slit};
 use tests::{Builder, Effort, METHODS, Pictures, black, cuboid, lambert, measure, print};
 
-/// Two rooms 2 x 2 x 2 without a ceiling on either side of a wall of the given thickness around x = 0, a light in the one at x > 0,
-/// black night around. Light that leaves it goes up and never comes back, so the other room is dark.
+/// Two rooms 2 x 2 x 2 without a ceiling on either side of a wall of the given thickness around x = 0, a light in the
+/// one at x > 0, black night around. Light that leaves it goes up and never comes back, so the other room is dark.
 fn two_rooms(thickness: f32) -> Builder {
     let grey = || lambert(0.7);
     let wall = |x: f32, normal| {
@@ -72,7 +72,8 @@ fn thin_gap_lets_in_what_it_must() {
             if height == 1.0 || method == Method::Path {
                 measured.assert_holds(&what);
             } else {
-                // 2.5e-3 of the hemisphere is less than one texel of 16 x 16: a pixel sees it or not, the mean is right.
+                // 2.5e-3 of the hemisphere is less than one texel of 16 x 16: a pixel sees it or not, the mean is
+                // right.
                 print(&format!("{what}, {}: {:.4}", method.name(), measured.mean));
                 assert!((measured.mean - 1.0).abs() < 0.1, "{what}, {}: {measured:?}", method.name());
             }
@@ -82,7 +83,8 @@ fn thin_gap_lets_in_what_it_must() {
 
 #[test]
 fn light_that_changes_within_a_pixel_is_the_mean_of_it() {
-    // The slit from without: the floor goes on at x < 0, where d is negative, and is seen at a tenth of the normal's slant. A pixel is 0.1 long there.
+    // The slit from without: the floor goes on at x < 0, where d is negative, and is seen at a tenth of the normal's
+    // slant. A pixel is 0.1 long there.
     const HEIGHT: f32 = 0.02;
     let end = 1e3;
     let floor = [(-end, -end), (end, -end), (end, end), (-end, end)].map(|(x, y)| Vec3::new(x, y, 0.0));
@@ -153,8 +155,9 @@ fn window_gives_lamberts_irradiance() {
         if method == Method::Path {
             measured.assert_unbiased("window");
         } else {
-            // The window fills 24 of the 32 x 32 texels of a record, and about 18 of them its rim: these are in or out, so that a record is
-            // off by sqrt(18) / 2 / 24 = 9 % and the mean of 64 seeds by 1.1 %, at worst. Three times that.
+            // The window fills 24 of the 32 x 32 texels of a record, and about 18 of them its rim: these are in or out,
+            // so that a record is off by sqrt(18) / 2 / 24 = 9 % and the mean of 64 seeds by 1.1 %, at worst. Three
+            // times that.
             print(&format!("window, {}: {:.4}", method.name(), measured.mean));
             assert!((measured.mean - 1.0).abs() < 0.033, "window, {}: {measured:?}", method.name());
         }
@@ -163,7 +166,8 @@ fn window_gives_lamberts_irradiance() {
 
 #[test]
 fn light_of_one_sheet_is_not_taken_for_that_of_the_next() {
-    // Two sheets with a gap that is narrower than cells of light are; the left side of the first is lit, that of the second is deep in the gap.
+    // Two sheets with a gap that is narrower than cells of light are; the left side of the first is lit, that of the
+    // second is deep in the gap.
     const GAP: f32 = 0.1;
     let sheet = |x: f32| [(-0.5, 0.0), (-0.5, 1.0), (0.5, 1.0), (0.5, 0.0)].map(|(y, z)| Vec3::new(x, y, z));
     let wall = |x: f32| [(-3.0, 0.0), (3.0, 0.0), (3.0, 3.0), (-3.0, 3.0)].map(|(y, z)| Vec3::new(x, y, z));

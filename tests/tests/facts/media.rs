@@ -20,8 +20,8 @@ fn slabs(glass_priority: i32) -> Scene {
         .build()
 }
 
-/// What 60 degrees see of a sky of 1 through glass on water, both 1 thick, that absorb 0.4 and 0.9 a metre: transmitted and reflected share, by the
-/// series of the reflections at three faces of (0.089185, 0.004895, 0.061192).
+/// What 60 degrees see of a sky of 1 through glass on water, both 1 thick, that absorb 0.4 and 0.9 a metre: transmitted
+/// and reflected share, by the series of the reflections at three faces of (0.089185, 0.004895, 0.061192).
 fn glass_on_water() -> f64 {
     let sin = 60.0_f64.to_radians().sin();
     let cos = |n: f64| (1.0 - (sin / n).powi(2)).sqrt();
@@ -103,8 +103,9 @@ fn a_drop_that_reaches_into_its_shell_is_as_one_modelled_by_its_faces() {
 
 #[test]
 fn light_under_water_is_absorbed_on_all_its_ways() {
-    // A round room full of water, which a ball of it around the room says: with L = Le + a g L at the wall, where g = 2 int exp(-2 s m) m dm is what is left of an even
-    // radiance across a ball of radius 1, and exp(-s) of it in the middle.
+    // A round room full of water, which a ball of it around the room says: with L = Le + a g L at the wall, where g = 2
+    // int exp(-2 s m) m dm is what is left of an even radiance across a ball of radius 1, and exp(-s) of it in the
+    // middle.
     let (absorption, albedo) = (0.5_f64, 0.6);
     let twice = 2.0 * absorption;
     let g = 2.0 * (1.0 - (-twice).exp() * (1.0 + twice)) / (twice * twice);
@@ -127,7 +128,8 @@ fn light_under_water_is_absorbed_on_all_its_ways() {
 
 #[test]
 fn shadow_rays_under_water_are_absorbed() {
-    // A point light 1 m over the floor, the eye beside it; the surface of the water is too far away to send anything back.
+    // A point light 1 m over the floor, the eye beside it; the surface of the water is too far away to send anything
+    // back.
     let eye = Vec3::new(1.0, 0.0, 1.0);
     let scene = Builder::default()
         .square(Vec3::ZERO, Vec3::Z, 10.0, lambert(1.0))

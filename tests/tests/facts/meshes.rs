@@ -40,8 +40,9 @@ fn zero_area_triangles_change_nothing() {
 
 #[test]
 fn offset_does_not_change_the_picture() {
-    // The same box far from the origin: at 1e4 of its units, f32 has steps of 1e-3, which acne would show. With the same random numbers
-    // the path tracer changes by less than 0.1 %; the grid of the cells lies elsewhere, so that the others have new noise, 0.2 %.
+    // The same box far from the origin: at 1e4 of its units, f32 has steps of 1e-3, which acne would show. With the
+    // same random numbers the path tracer changes by less than 0.1 %; the grid of the cells lies elsewhere, so that the
+    // others have new noise, 0.2 %.
     let mean = |description, method| {
         let picture = picture(description, method);
         picture.iter().map(|l| l.as_dvec3()).sum::<glam::DVec3>() / picture.len() as f64

@@ -68,7 +68,8 @@ fn sphere_on_plane_shadows_the_sky() {
         // From the side, where the ball does not stand in the way.
         let scene = plane.clone().view(at + Vec3::new(0.3, 0.0, 0.15) * x, at, 8.0).build();
         for method in METHODS {
-            // A picture of so small a place has a few records; only the mean over many pictures tells more than their noise.
+            // A picture of so small a place has a few records; only the mean over many pictures tells more than their
+            // noise.
             let effort = Effort { path_spp: 32, spp: 4, seeds: 16, quality: 1.0, ..Effort::default() };
             measure(&scene, method, &effort, known).assert_holds(&format!("x = {x}"));
         }
@@ -77,8 +78,8 @@ fn sphere_on_plane_shadows_the_sky() {
 
 #[test]
 fn texture_does_not_enter_the_record() {
-    // A checkerboard of albedo 0.1 and 0.9, tiles of 1 cm, under a sky of 1: the radiance of each pixel is its albedo, for records
-    // store the light that comes and not what becomes of it.
+    // A checkerboard of albedo 0.1 and 0.9, tiles of 1 cm, under a sky of 1: the radiance of each pixel is its albedo,
+    // for records store the light that comes and not what becomes of it.
     let mut floor = Builder::default().sky(1.0);
     for tile in 0..144 {
         let (i, j) = (tile % 12 - 6, tile / 12 - 6);
@@ -99,7 +100,8 @@ fn texture_does_not_enter_the_record() {
 
 #[test]
 fn gloss_over_a_picture_that_is_black_in_parts_keeps_the_rest() {
-    // Stripes narrower than pixels: samples of a pixel meet black and white. Where it is black there is no diffuse part, and gloss of this width would read a texture.
+    // Stripes narrower than pixels: samples of a pixel meet black and white. Where it is black there is no diffuse
+    // part, and gloss of this width would read a texture.
     for alpha in [0.2, 0.7] {
         let material = Material { diffuse: Vec3::ONE, diffuse_texture: Some(0), ..gloss(alpha, 0.04) };
         let mut floor = Builder::default().square(Vec3::ZERO, Vec3::Z, 1.0, material).sky(1.0);
@@ -125,7 +127,8 @@ fn gloss_over_a_picture_that_is_black_in_parts_keeps_the_rest() {
 
 #[test]
 fn close_up_on_a_wide_floor_keeps_its_shadow() {
-    // A record far out on the floor has no texel for the ball, and once reached beneath it from there: by the seed, up to 4.5 % too much light.
+    // A record far out on the floor has no texel for the ball, and once reached beneath it from there: by the seed, up
+    // to 4.5 % too much light.
     let plane = Builder::default().square(Vec3::ZERO, Vec3::Z, 20.0, lambert(0.5));
     let ball = plane.ball(Vec3::Z * 0.75, 0.75, lambert(0.5)).sky(1.0);
     let scene = ball.view(Vec3::new(0.0, -4.0, 1.5), Vec3::Z * 0.5, 30.0).build();

@@ -21,7 +21,8 @@ fn pictures(study: &Study, seeds: u64, spp: u32) -> Vec<Vec<Vec3>> {
         .collect()
 }
 
-/// Asserts that the path tracer has no bias: by blocks of `block` x `block` pixels and in the whole mean; and that the same test finds 1 %.
+/// Asserts that the path tracer has no bias: by blocks of `block` x `block` pixels and in the whole mean; and that the
+/// same test finds 1 %.
 fn assert_unbiased(name: &str, seeds: u64, spp: u32, block: usize) {
     let study = Study::open(name);
     let pictures = pictures(&study, seeds, spp);
@@ -29,8 +30,8 @@ fn assert_unbiased(name: &str, seeds: u64, spp: u32, block: usize) {
     print(&format!("{name}, {seeds} x {spp} spp: {blocks:?}, whole {:.2}", blocks.whole()));
     // Three channels that move together: 3.3 standard errors are 1 in 1000.
     assert!(blocks.whole() < WHOLE, "{name}: {blocks:?}");
-    // The limit at 1 % for so many blocks and channels, by the t distribution of the pooled spread: 768 blocks of 16 x 16 with some 300
-    // degrees of freedom (the pixels of a block are not equally noisy), 3072 of 8 x 8 with some 100.
+    // The limit at 1 % for so many blocks and channels, by the t distribution of the pooled spread: 768 blocks of 16 x
+    // 16 with some 300 degrees of freedom (the pixels of a block are not equally noisy), 3072 of 8 x 8 with some 100.
     let limit = if block == 16 { 4.45 } else { 4.95 };
     assert!(blocks.worst < limit, "{name}: {blocks:?}");
     let planted = Blocks::compare(&study, &pictures, block, 1.01);
@@ -58,7 +59,8 @@ fn path_has_no_bias() {
 
 #[test]
 fn caches_reach_their_error() {
-    // Robust relMSE with default settings, the reference's own subtracted, at most three times what it is, plain at most twice robust, and the mean within 1 %.
+    // Robust relMSE with default settings, the reference's own subtracted, at most three times what it is, plain at
+    // most twice robust, and the mean within 1 %.
     let limits = [("cornell", 1.8e-4), ("cornell-glossy", 5.5e-4), ("atrium-env", 2.2e-3)];
     for &(name, limit) in if is_full() { &limits[..] } else { &limits[..1] } {
         let study = Study::open(name);
@@ -77,13 +79,14 @@ fn caches_reach_their_error() {
     }
 }
 
-/// The floor before the tall block of cornell-glossy, and the side of the block that is seen at a grazing angle: gloss that shows gloss. Left,
-/// top, width and height in pixels.
+/// The floor before the tall block of cornell-glossy, and the side of the block that is seen at a grazing angle: gloss
+/// that shows gloss. Left, top, width and height in pixels.
 const GLOSS_IN_GLOSS: [[usize; 4]; 2] = [[60, 215, 64, 30], [72, 112, 7, 98]];
 
 #[test]
 fn gloss_seen_in_gloss_keeps_its_light() {
-    // Numbers that one sample used twice, for its lobe and for the lobe of what that met, made the floor 3 % too dark; textures 20 % the block.
+    // Numbers that one sample used twice, for its lobe and for the lobe of what that met, made the floor 3 % too dark;
+    // textures 20 % the block.
     const SEEDS: u64 = 3;
     let study = Study::open("cornell-glossy");
     let pictures: Vec<Vec<Vec3>> = (0..SEEDS)

@@ -5,7 +5,8 @@ use integrator::{Film, Method, Settings, render};
 use scene::{Material, Scene};
 use tests::{Builder, METHODS, Term, cuboid, glass, gloss, icosphere, lambert, lamp, mirror, print};
 
-/// A floor under a sky with a lamp, a mirror, a ball of glass, a glossy box over a diffuse base and a ball of a free form.
+/// A floor under a sky with a lamp, a mirror, a ball of glass, a glossy box over a diffuse base and a ball of a free
+/// form.
 fn everything() -> Builder {
     let plastic = Material { diffuse: Vec3::new(0.6, 0.3, 0.2), ..gloss(0.3, 0.1) };
     Builder::default()

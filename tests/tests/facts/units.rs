@@ -1,5 +1,5 @@
-//! Nothing depends on the units: what is bright, small or far is so beside the rest of the scene alone. Powers of two change no digit of any number, so that pictures
-//! are the same to the bit.
+//! Nothing depends on the units: what is bright, small or far is so beside the rest of the scene alone. Powers of two
+//! change no digit of any number, so that pictures are the same to the bit.
 
 use glam::{DAffine3, DVec3, UVec2, Vec3};
 use integrator::{Film, Method, Settings, render};

@@ -21,8 +21,9 @@ pub(crate) struct LobeAllocation {
 }
 
 impl LobeAllocation {
-    /// Decides by the first batches on `pixels`, which come in blocks of so many rows of `width` pixels, a whole picture or parts from all over it: the mean
-    /// noise is to be what the plan wants. `None` where no lobes are shared. The indirect light has about the radiance `ambient`.
+    /// Decides by the first batches on `pixels`, which come in blocks of so many rows of `width` pixels, a whole
+    /// picture or parts from all over it: the mean noise is to be what the plan wants. `None` where no lobes are
+    /// shared. The indirect light has about the radiance `ambient`.
     pub(crate) fn new<S: Secondary>(
         direct: &DirectTerm<'_, S>,
         (width, rows): (usize, usize),
@@ -51,8 +52,8 @@ impl LobeAllocation {
         Self { factor: sum / (f64::from(lobes.noise) * pixels as f64), floor_sq }
     }
 
-    /// How many batches a tile takes altogether: as many as its noise is large, by the tiles around it, so that no tile judges itself. One of which nothing is known
-    /// takes the most.
+    /// How many batches a tile takes altogether: as many as its noise is large, by the tiles around it, so that no tile
+    /// judges itself. One of which nothing is known takes the most.
     pub(super) fn batches(&self, deviation: Option<f64>, lobes: &LobePlan) -> u32 {
         let Some(deviation) = deviation else { return lobes.batches };
         let most = f64::from(lobes.batches / FIRST);
@@ -62,7 +63,8 @@ impl LobeAllocation {
     }
 }
 
-/// The deviations of tiles of rows of `width` pixels, by those around them; 0 where nothing is shared, `None` where nothing is known.
+/// The deviations of tiles of rows of `width` pixels, by those around them; 0 where nothing is shared, `None` where
+/// nothing is known.
 pub(super) fn deviations(tiles: &[Tile<'_>], width: usize) -> Vec<Option<f64>> {
     let deviation = |tile: usize| {
         if tiles[tile].groups.is_empty() {

@@ -104,7 +104,8 @@ impl Group<'_> {
         (0..TRIALS).find_map(|_| trial()).unwrap_or(point.shading)
     }
 
-    /// Chooses a direction for sample number `index` of a point, whose samples are a sequence of their own: half of them by the guide, if there is one.
+    /// Chooses a direction for sample number `index` of a point, whose samples are a sequence of their own: half of
+    /// them by the guide, if there is one.
     fn way<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
@@ -130,7 +131,8 @@ impl Group<'_> {
         self.guide.map_or(pdf, |guide| 0.5 * (pdf + guide.pdf(wi)))
     }
 
-    /// Gives what samples found to all points. Where that is near, or much of what another batch met, it is for those points that see it.
+    /// Gives what samples found to all points. Where that is near, or much of what another batch met, it is for those
+    /// points that see it.
     pub(super) fn share<S: Secondary>(
         &self,
         direct: &DirectTerm<'_, S>,
@@ -139,7 +141,8 @@ impl Group<'_> {
         lights: &mut [Light],
         rays: &mut RayCounts,
     ) {
-        /// What is met on gloss is shared as long as that moves within its own lobe by less than so many widths: else some point might see in bright light what another's lobe hardly found.
+        /// What is met on gloss is shared as long as that moves within its own lobe by less than so many widths: else
+        /// some point might see in bright light what another's lobe hardly found.
         const GLOSS: f32 = 3.0;
         /// Where nothing is taken to be hidden, at most so many of what was met are near.
         const NEAR_SHARE: f32 = 0.02;

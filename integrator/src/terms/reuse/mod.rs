@@ -1,19 +1,23 @@
 //! What the samples of glossy lobes find is shared among neighbours.
 //!
-//! The lobes of neighbouring points of a surface see about the same things, and a ray costs a hundred times as much as to ask what a lobe makes of a thing that is
-//! known. So each point of a tile of pixels traces a few rays, and all points of the tile take light from all that these met: with N samples for each
-//! point q and their densities p_q over the surfaces that are met,
+//! The lobes of neighbouring points of a surface see about the same things, and a ray costs a hundred times as much as
+//! to ask what a lobe makes of a thing that is known. So each point of a tile of pixels traces a few rays, and all
+//! points of the tile take light from all that these met: with N samples for each point q and their densities p_q over
+//! the surfaces that are met,
 //!
 //! ```text
 //! L_s(p) = sum over all samples x that p sees of   f_s(p, x) G(p, x) L(x) / (N sum_q p_q(x)),   q that see x
 //! ```
-//! which is the balance heuristic (Veach 1997) between the points. What x gives off itself counts at p as much as light sampling at p leaves of it. Light that x
-//! reflects by gloss is weighed anew for each point. This has no bias as far as it is known which points see x, and where cells or photons know the light on x: of gloss over a
-//! diffuse part that they do not know, light samples keep the MIS weight of the one point, and beside a highlight that is a bias. All are taken to, but where something is so near that it moves within a lobe from point to point:
-//! there shadow rays tell. What absorbs light on the way is taken to be the same for all. Mirrors and glass, and gloss of which the points see quite different parts of the lobe, are for their own point.
+//! which is the balance heuristic (Veach 1997) between the points. What x gives off itself counts at p as much as light
+//! sampling at p leaves of it. Light that x reflects by gloss is weighed anew for each point. This has no bias as far
+//! as it is known which points see x, and where cells or photons know the light on x: of gloss over a diffuse part that
+//! they do not know, light samples keep the MIS weight of the one point, and beside a highlight that is a bias. All are
+//! taken to, but where something is so near that it moves within a lobe from point to point: there shadow rays tell.
+//! What absorbs light on the way is taken to be the same for all. Mirrors and glass, and gloss of which the points see
+//! quite different parts of the lobe, are for their own point.
 //!
-//! A point stands for all samples of its pixel on a surface, each batch at another place in the pixel. On curved surfaces those share whose normals are alike; what is seen in mirrors
-//! takes no part.
+//! A point stands for all samples of its pixel on a surface, each batch at another place in the pixel. On curved
+//! surfaces those share whose normals are alike; what is seen in mirrors takes no part.
 //!
 //! # Source
 //! Bekaert, Sbert, Halton 2002: Accelerating Path Tracing by Re-Using Paths.
@@ -52,7 +56,8 @@ struct Tile<'a> {
     groups: Vec<Group<'a>>,
     /// Sums over the batches of the light of the points of each group.
     lights: Vec<Vec<Light>>,
-    /// What the first batch met, by which later ones know what is near: a batch that judged itself would take nothing to be hidden where it happened to meet nothing near.
+    /// What the first batch met, by which later ones know what is near: a batch that judged itself would take nothing
+    /// to be hidden where it happened to meet nothing near.
     hits: Vec<Vec<Vec3A>>,
     /// Relative noise of the mean of the first batches, summed over the pixels, by squares.
     noise: f64,
@@ -61,8 +66,9 @@ struct Tile<'a> {
     dropped: u64,
 }
 
-/// Adds the light of shared lobes to the pixels of a band of a picture of `size`, in which the indirect light has about the radiance `ambient`. The band decides for
-/// itself how many samples it takes unless that was decided for the whole picture.
+/// Adds the light of shared lobes to the pixels of a band of a picture of `size`, in which the indirect light has about
+/// the radiance `ambient`. The band decides for itself how many samples it takes unless that was decided for the whole
+/// picture.
 pub(crate) fn share_lobes<S: Secondary>(
     direct: &DirectTerm<'_, S>,
     pixels: &mut [PixelPoints],
@@ -149,7 +155,8 @@ fn groups<'a, S: Secondary>(
         let Shading { surface, .. } = &point.shading;
         let same = groups.iter_mut().find(|group| {
             let (_, first) = group[0];
-            // Where black texels of the diffuse part make the one lobe traced and the other not, they have nothing in common.
+            // Where black texels of the diffuse part make the one lobe traced and the other not, they have nothing in
+            // common.
             let both = [first, point].map(|point| direct.plan.lobes.traces(&point.shading));
             // Normals that differ by more than the width of the lobe see other things.
             let is_level = first.shading.surface.n.dot(surface.n) >= 1.0 - 0.5 * first.shading.lobe_alpha().powi(2);
@@ -213,7 +220,8 @@ impl<'a> Tile<'a> {
         after_one
     }
 
-    /// The noise by the light after the first of two batches, the number of samples and about the mean of each pixel, and what keeps dark pixels from ruling.
+    /// The noise by the light after the first of two batches, the number of samples and about the mean of each pixel,
+    /// and what keeps dark pixels from ruling.
     fn noise_by(&self, first: &[Vec<Light>], pixel: impl Fn(usize) -> (u32, f64), floor_sq: f64) -> f64 {
         let mut noise = 0.0;
         for (group, (first, both)) in zip(&self.groups, zip(first, &self.lights)) {
@@ -261,7 +269,8 @@ pub(crate) mod tests {
     use crate::secondary::tests::square;
     use crate::{Settings, Study, render};
 
-    /// A floor of metal of this roughness, whose normals lean apart by `bend` at its corners, under a lamp, with a white wall that stands on it and a black plate before that, seen from above.
+    /// A floor of metal of this roughness, whose normals lean apart by `bend` at its corners, under a lamp, with a
+    /// white wall that stands on it and a black plate before that, seen from above.
     pub(super) fn room(alpha: f32, bend: f32) -> Scene {
         walled_room(alpha, bend, Material { diffuse: Vec3::splat(0.7), ..Material::default() })
     }
@@ -393,7 +402,8 @@ pub(crate) mod tests {
             let [alone, shared] = [false, true].map(|reuse| reflected(&scene, reuse, 24, SEEDS));
             let apart: Vec<f64> = zip(&alone.means[term], &shared.means[term]).map(|(a, b)| (a - b).powi(2)).collect();
             let noise = (mean(&alone.variances[term]) + mean(&shared.variances[term])) / f64::from(SEEDS);
-            // Without shadow rays it is three times the noise before the white wall, fifteen times before metal that sends all points the same.
+            // Without shadow rays it is three times the noise before the white wall, fifteen times before metal that
+            // sends all points the same.
             assert!(mean(&apart) < 1.5 * noise, "{name}: {} is not the noise, {noise}", mean(&apart));
         }
     }

@@ -70,7 +70,8 @@ pub(super) fn projection(table: &FormTable, source: &Source) -> Result<Option<Pr
     }))
 }
 
-/// Makes the solid of a part of a set operation. It calls itself for parts of parts, as deep as the reader of the file allows.
+/// Makes the solid of a part of a set operation. It calls itself for parts of parts, as deep as the reader of the file
+/// allows.
 fn part(table: &Spanned<PartTable>, source: &Source) -> Result<Solid, LoadError> {
     shape!(table).solid(source)
 }

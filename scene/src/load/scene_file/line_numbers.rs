@@ -1,7 +1,8 @@
 //! The lines in which bytes of a text lie, for many of them.
 //!
-//! Every table and face has its place at hand for errors: counted from the beginning of the file each time, they took a minute in a file of 200,000 faces. Line ends are counted once
-//! up to the start of each block of the text, and a place counts those in its own block. A list of the lines themselves would take half a gigabyte for a file of empty ones.
+//! Every table and face has its place at hand for errors: counted from the beginning of the file each time, they took a
+//! minute in a file of 200,000 faces. Line ends are counted once up to the start of each block of the text, and a place
+//! counts those in its own block. A list of the lines themselves would take half a gigabyte for a file of empty ones.
 
 /// Line ends before each block of a text.
 #[derive(Debug)]
@@ -21,7 +22,8 @@ impl LineNumbers {
         Self(text.as_bytes().chunks(BLOCK).map(count).collect())
     }
 
-    /// Returns the number of the line, from 1, that holds the byte `at` of the same text; of the last one for what lies behind.
+    /// Returns the number of the line, from 1, that holds the byte `at` of the same text; of the last one for what lies
+    /// behind.
     pub(super) fn line(&self, text: &str, at: usize) -> usize {
         let at = at.min(text.len());
         let block = (at / BLOCK).min(self.0.len().saturating_sub(1));

@@ -42,8 +42,9 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
     }
 }
 
-/// The header of a table in the line of the byte `start`, and the same with as many brackets as it should have: where a table is in the place of a list of
-/// tables, or such a list in that of a table, whose fields it then seems to give in order.
+/// The header of a table in the line of the byte `start`, and the same with as many brackets as it should have: where a
+/// table is in the place of a list of tables, or such a list in that of a table, whose fields it then seems to give in
+/// order.
 fn brackets(message: &str, text: &str, start: usize) -> Option<(String, String)> {
     let line = text.lines().nth(line_at(text, start) - 1)?.trim_start();
     let name = |opening: &str, closing: &str| {
