@@ -16,7 +16,6 @@
 //! By flux alone a lamp of 10 cm on a ground of 400 m under a night sky was chosen 3 times in 10^4, although it brought
 //! most of the light: relMSE of `path` with 64 samples a pixel was 0.7, and is 4e-4.
 
-use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch};
 use glam::Vec3A;
 
@@ -58,24 +57,46 @@ impl Lamps {
         Self { blocks: emitters.chunks(LANES).map(Block::new).collect(), level: Level::new() }
     }
 
-    /// Returns the irradiance that each may bring to `p`, and that of all together.
+    /// Returns the irradiance that all together may bring to `p`, summed over the channels.
     #[inline]
-    fn irradiance(&self, p: Vec3A) -> (ArrayVec<f32, MOST_LAMPS>, f32) {
-        dispatch!(self.level, _simd => self.irradiance_in_lanes(p))
+    fn irradiance(&self, p: Vec3A) -> f32 {
+        // Plain loops, which the compiler writes in the widest instructions that there are.
+        dispatch!(self.level, _simd => {
+            let mut sums = [0.0; LANES];
+            for block in &self.blocks {
+                for (sum, irradiance) in sums.iter_mut().zip(block.irradiance(p)) {
+                    *sum += irradiance;
+                }
+            }
+            sums.iter().sum()
+        })
     }
 
-    /// Plain loops, which the compiler writes in the widest instructions that there are.
-    #[inline(always)]
-    fn irradiance_in_lanes(&self, p: Vec3A) -> (ArrayVec<f32, MOST_LAMPS>, f32) {
-        let (mut of_lamps, mut sums) = (ArrayVec::new(), [0.0; LANES]);
-        for block in &self.blocks {
-            let irradiance = block.irradiance(p);
-            for (sum, irradiance) in sums.iter_mut().zip(irradiance) {
-                *sum += irradiance;
+    /// Returns the irradiance that one may bring to `p`.
+    #[inline]
+    fn irradiance_of(&self, index: usize, p: Vec3A) -> f32 {
+        self.blocks[index / LANES].irradiance(p)[index % LANES]
+    }
+
+    /// Returns the lamp at which a `place` below the irradiance of all lies, one after the other, and its irradiance.
+    #[inline]
+    fn at(&self, mut place: f64, p: Vec3A) -> Option<(usize, f32)> {
+        dispatch!(self.level, _simd => {
+            // Rounding may leave the place behind the last.
+            let mut found = None;
+            for (number, block) in self.blocks.iter().enumerate() {
+                for (lane, irradiance) in block.irradiance(p).into_iter().enumerate() {
+                    if irradiance > 0.0 {
+                        found = Some((number * LANES + lane, irradiance));
+                        if place < f64::from(irradiance) {
+                            return found;
+                        }
+                        place -= f64::from(irradiance);
+                    }
+                }
             }
-            of_lamps.try_extend_from_slice(&irradiance).expect("the number of blocks is limited");
-        }
-        (of_lamps, sums.iter().sum())
+            found
+        })
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
@@ -116,13 +137,12 @@ impl Block {
     }
 }
 
-/// What the lights may bring to a point.
+/// What the lights may bring to a point. What each of the lamps may bring is found again when it is asked for: kept, it
+/// would be copied with whoever sees lights, by scenes of a single one too.
 #[derive(Debug)]
 pub(super) struct Chances {
     p: Vec3A,
-    /// Irradiance by each lamp, summed over the channels; of none where a tree chooses.
-    lamps: ArrayVec<f32, MOST_LAMPS>,
-    /// By all lamps.
+    /// Irradiance by all lamps, summed over the channels.
     near: f32,
     /// By all lights.
     total: f32,
@@ -132,48 +152,37 @@ impl Chances {
     /// Looks at the lights from `p`; `None` where it does not matter from where.
     #[inline]
     pub(super) fn new(lights: &Lights, p: Vec3A) -> Option<Self> {
-        (lights.near_count > 0 && lights.has_choice()).then(|| Self::of_several(lights, p))
+        lights.place_matters.then(|| Self::of_several(lights, p))
     }
 
+    /// Out of the way of scenes of a single light.
+    #[inline(never)]
     fn of_several(lights: &Lights, p: Vec3A) -> Self {
-        let (lamps, near) = match &lights.tree {
-            Some(tree) => (ArrayVec::new(), tree.irradiance(p)),
-            None => lights.lamps.irradiance(p),
-        };
-        Self { p, lamps, near, total: near + narrow(lights.far_irradiance) }
+        let near = lights.tree.as_ref().map_or_else(|| lights.lamps.irradiance(p), |tree| tree.irradiance(p));
+        Self { p, near, total: near + narrow(lights.far_irradiance) }
     }
 
     /// Returns the light that `u` in [0, 1) chooses, and its probability; `None` where nothing shines to the point.
-    #[inline]
+    #[inline(never)]
     pub(super) fn choose(&self, lights: &Lights, u: f32) -> Option<(usize, f32)> {
-        let &Self { near, total, .. } = self;
-        let mut place = f64::from(u) * f64::from(total);
-        let lamps = f64::from(near);
+        let &Self { p, near, total } = self;
+        let (place, lamps) = (f64::from(u) * f64::from(total), f64::from(near));
         if place >= lamps {
             let (index, probability) = lights.far.sample((place - lamps) / f64::from(total - near))?;
             return Some((lights.near_count + index, probability * ((total - near) / total)));
         }
         if let Some(tree) = &lights.tree {
-            let (index, probability) = tree.sample(self.p, place / lamps)?;
+            let (index, probability) = tree.sample(p, place / lamps)?;
             return Some((index, probability * (near / total)));
         }
-        let mut chosen = None;
-        for (index, &irradiance) in self.lamps.iter().enumerate() {
-            if irradiance > 0.0 {
-                chosen = Some((index, irradiance / total));
-                if place < f64::from(irradiance) {
-                    break;
-                }
-                place -= f64::from(irradiance);
-            }
-        }
-        chosen
+        let (index, irradiance) = lights.lamps.at(place, p)?;
+        Some((index, irradiance / total))
     }
 
     /// Returns the probability with which [`Chances::choose`] takes a light.
     #[inline]
     pub(super) fn probability(&self, lights: &Lights, index: usize) -> f32 {
-        let &Self { near, total, .. } = self;
+        let &Self { p, near, total } = self;
         if total <= 0.0 {
             return 0.0;
         }
@@ -181,8 +190,8 @@ impl Chances {
             return lights.far.probability(index - lights.near_count) * ((total - near) / total);
         }
         match &lights.tree {
-            Some(tree) => tree.probability(self.p, index) * (near / total),
-            None => self.lamps[index] / total,
+            Some(tree) => tree.probability(p, index) * (near / total),
+            None => lights.lamps.irradiance_of(index, p) / total,
         }
     }
 }

@@ -58,6 +58,8 @@ pub struct Lights {
     tree: Option<LightTree>,
     /// Number of lights that are not at infinity: the first ones.
     near_count: usize,
+    /// Whether it matters to the choice of a light from where it is made.
+    place_matters: bool,
     total_flux: Vec3,
     /// The whole scene: lights at infinity shine on its cross-section.
     everything: Target,
@@ -147,6 +149,7 @@ impl Lights {
             lamps: Lamps::new(&[]),
             tree: None,
             near_count,
+            place_matters: false,
             total_flux: Vec3::ZERO,
             everything: Target::around(bounds),
             extent: None,
@@ -172,6 +175,7 @@ impl Lights {
         self.choice = Choice::new(fluxes.iter().map(weight));
         self.far = Choice::new(fluxes[self.near_count..].iter().map(weight));
         self.far_irradiance = (self.near_count..self.count()).map(|index| self.light(index).far_irradiance()).sum();
+        self.place_matters = self.near_count > 0 && self.has_choice();
         self.total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
     }
 
@@ -448,9 +452,7 @@ impl Light<'_> {
         match self {
             Self::Punctual(PunctualLight::Directional { irradiance, .. }) => irradiance.as_dvec3().element_sum(),
             Self::Environment(light) => 0.25 * light.integral().as_dvec3().element_sum(),
-            Self::Rectangle(_) | Self::Triangle(_) | Self::Form(_) | Self::Punctual(PunctualLight::Point { .. }) => {
-                unreachable!("what a lamp brings depends on the place")
-            }
+            _ => unreachable!("what a lamp brings depends on the place"),
         }
     }
 

@@ -51,6 +51,7 @@ enum SeenLight<'a> {
 }
 
 impl<'a> SeenLights<'a> {
+    #[inline]
     pub(super) fn new(lights: &'a Lights, p: Vec3A, n: Vec3A) -> Self {
         Self { lights, p, n, chances: Chances::new(lights, p), last: None }
     }
