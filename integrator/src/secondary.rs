@@ -3,12 +3,11 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
-use scene::{Bsdf, LightDirection, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
+use scene::{Bsdf, LightChoice, LightDirection, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
 use crate::Irradiance;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
-use crate::terms::light_guide::LightChoice;
 
 /// What is known of the light at a surface, apart from what path tracing would find.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -175,7 +174,9 @@ pub(crate) struct DirectLight<'a> {
 impl<'a> DirectLight<'a> {
     pub(crate) fn new(scene: &'a Scene, shading: &'a Shading, lobes: Lobes, ways: LightWays<'a>) -> Self {
         let Surface { p, n, .. } = shading.surface;
-        Self { scene, shading, lobes, ways, lights: lights_of(scene, shading, ways.sky).seen_from(p, n) }
+        let lights = lights_of(scene, shading, ways.sky);
+        let lights = lights.seen_by(p, n, ways.choice);
+        Self { scene, shading, lobes, ways, lights }
     }
 
     /// Takes one sample.
@@ -240,10 +241,7 @@ impl<'a> DirectLight<'a> {
     /// Returns a direction to a light, local too; `None` where nothing can come from there.
     #[inline]
     fn choose(&mut self, u_choice: f32, u_direction: Vec2) -> Option<(LightDirection<'a>, Vec3A)> {
-        let light = match self.ways.choice {
-            Some(choice) => choice.direction(&mut self.lights, u_choice, u_direction),
-            None => self.lights.direction(u_choice, u_direction),
-        }?;
+        let light = self.lights.direction(u_choice, u_direction)?;
         let wi = self.shading.frame.to_local(light.wi());
         (wi.z > 0.0 && self.shading.leaves(light.wi(), wi)).then_some((light, wi))
     }

@@ -36,7 +36,7 @@ pub use error::BuildError;
 pub use features::Features;
 pub use freeform;
 pub use glam;
-pub use light::{Emission, LightDirection, LightSample, Lights, SeenLights, Target};
+pub use light::{Emission, LightChoice, LightDirection, LightLesson, LightSample, Lights, SeenLights, Target};
 pub use load::{
     FileSettings, LoadError, LoadOptions, Loaded, Picture, PictureFormat, Problem, limits, load, load_embedded,
     read_file,

@@ -2,23 +2,15 @@
 //!
 //! What chooses a light knows its flux, distance and direction, but not what stands between: in a house most lamps
 //! shine in other rooms. So some primary rays are traced beforehand, light samples with them, and the picture's tiles
-//! remember for each side of the normal which lights they found:
-//!
-//! ```text
-//! q(l) = sqrt(mean over the tile of (f L cos / p)^2 where l was chosen),   normalised
-//! ```
-//! p being the density of the direction alone. By itself q would have the least variance of all choices that know no
-//! more. Half of the light samples choose by it, and each counts by the mean of both probabilities, so that q may be
-//! wrong without a bias.
-//!
-//! # Source
-//! As for the guide of lobes: Vorba et al. 2014, Rath et al. 2020; the balance heuristic of Veach 1997.
+//! remember for each side of the normal what samples of each light found. By that lights are chosen there
+//! ([`Lights::learnt_choice`](scene::Lights::learnt_choice)), all of them still, so that a wrong lesson costs noise and
+//! no bias.
 
 use std::ops::Range;
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
-use scene::{LightDirection, Lobes, Scene, SeenLights};
+use scene::{LightChoice, LightDirection, LightLesson, Lobes, Scene};
 
 use super::tiles::{self, around, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
@@ -30,13 +22,10 @@ use crate::statistics::{RayCounts, map_counting};
 const LIGHT_SAMPLES: u32 = 8;
 /// Most mirrors and panes before a surface that learns.
 const MAX_CHAIN: usize = 8;
-/// Share of the light samples that choose by what was learnt. With more, what the lessons missed is brighter, and there
-/// are outliers.
-const GUIDED: f32 = 0.5;
 /// Keeps these random numbers apart from those of the picture.
 const STREAM: u64 = 0x6c69_6768_7473;
 
-/// The choices of all tiles.
+/// How lights are chosen in each tile.
 #[derive(Debug)]
 pub(crate) struct LightGuide {
     size: UVec2,
@@ -48,7 +37,7 @@ pub(crate) struct LightGuide {
 struct Lesson {
     tile: usize,
     light: usize,
-    /// Square of what the light brought, over the probability with which it was chosen.
+    /// Square of what the sample counts: 0 where something stands between.
     moment: f32,
 }
 
@@ -72,11 +61,17 @@ impl LightGuide {
         // Stable, so that sums are the same for any number of threads.
         lessons.par_sort_by_key(|lesson| (lesson.tile, lesson.light));
         let of_tile = ranges(&lessons);
+        let lights = sky.map_or(scene.lights(), SkySplit::lights);
         let choice = |tile: usize| {
-            let near = around(tile).flat_map(|(near, weight)| {
-                lessons[of_tile[near].clone()].iter().map(move |lesson| (lesson.light, weight * lesson.moment))
-            });
-            LightChoice::new(near.collect())
+            let mut learnt = Vec::new();
+            for (near, weight) in around(tile) {
+                learnt.extend(lessons[of_tile[near].clone()].iter().map(|lesson| LightLesson {
+                    light: lesson.light,
+                    count: weight,
+                    moment: weight * lesson.moment,
+                }));
+            }
+            lights.learnt_choice(&learnt)
         };
         let tiles = (0..tiles::COUNT).into_par_iter().map(choice).collect();
         Some(Self { size, tiles })
@@ -128,23 +123,28 @@ impl Learner<'_> {
         for mut sampler in sampler.split_into(LIGHT_SAMPLES) {
             let [u_choice, u, v, _] = sampler.next_4d();
             let Some((light, probability)) = lights.choose(u_choice) else { continue };
-            let Some(direction) = lights.direction_to_one(light, 1.0, Vec2::new(u, v)) else { continue };
-            let wi = shading.frame.to_local(direction.wi());
-            if wi.z <= 0.0 || !shading.leaves(direction.wi(), wi) {
-                continue;
-            }
-            rays.shadow += 1;
-            if self.scene.occluded(&surface.shadow_ray(direction.wi(), direction.distance())) {
-                continue;
-            }
-            let Some(sample) = direction.sample() else { continue };
-            let value = unshadowed(&shading.bsdf, Lobes::DIFFUSE, shading.wo, wi, &sample, self.sky).max_element();
-            let moment = value * value / probability;
-            if moment > 0.0 && moment.is_finite() {
+            let direction = lights.direction_to_one(light, probability, Vec2::new(u, v));
+            let value = direction.map_or(0.0, |direction| self.value(&shading, &direction, rays));
+            let moment = value * value;
+            if moment.is_finite() {
                 lessons.push(Lesson { tile, light, moment });
             }
         }
         lessons
+    }
+
+    /// What a light sample counts.
+    fn value(&self, shading: &Shading, direction: &LightDirection<'_>, rays: &mut RayCounts) -> f32 {
+        let wi = shading.frame.to_local(direction.wi());
+        if wi.z <= 0.0 || !shading.leaves(direction.wi(), wi) {
+            return 0.0;
+        }
+        rays.shadow += 1;
+        if self.scene.occluded(&shading.surface.shadow_ray(direction.wi(), direction.distance())) {
+            return 0.0;
+        }
+        let Some(sample) = direction.sample() else { return 0.0 };
+        unshadowed(&shading.bsdf, Lobes::DIFFUSE, shading.wo, wi, &sample, self.sky).max_element()
     }
 
     /// The surface that a pixel shows, in mirrors and behind glass too, if it takes a guide.
@@ -169,68 +169,13 @@ impl Learner<'_> {
     }
 }
 
-/// A choice among the lights that a tile has found, and among all.
-#[derive(Debug)]
-pub(crate) struct LightChoice {
-    /// Indices in their order, and for each the sum of the probabilities up to it.
-    lights: Vec<usize>,
-    sums: Vec<f32>,
-}
-
-impl LightChoice {
-    /// Makes the choice from the second moments of lights, each of which may come several times; `None` where there are
-    /// none.
-    fn new(mut moments: Vec<(usize, f32)>) -> Option<Self> {
-        moments.sort_by_key(|moment| moment.0);
-        let by_light = moments.chunk_by(|a, b| a.0 == b.0);
-        let (lights, weights): (Vec<usize>, Vec<f32>) =
-            by_light.map(|moments| (moments[0].0, moments.iter().map(|moment| moment.1).sum::<f32>().sqrt())).unzip();
-        let total: f32 = weights.iter().sum();
-        if !(total > 0.0 && total.is_finite()) {
-            return None;
-        }
-        let mut below = 0.0;
-        let mut sum_up = |weight: f32| {
-            below += weight;
-            below / total
-        };
-        let sums = weights.into_iter().map(&mut sum_up).collect();
-        Some(Self { lights, sums })
-    }
-
-    /// Chooses a light, by what is known here or without, and a direction to it; the density is that of both ways
-    /// together.
-    pub(crate) fn direction<'a>(
-        &self,
-        lights: &mut SeenLights<'a>,
-        u_choice: f32,
-        u: Vec2,
-    ) -> Option<LightDirection<'a>> {
-        let (light, probability) = if u_choice < GUIDED {
-            let u = u_choice / GUIDED;
-            let place = self.sums.partition_point(|&sum| sum <= u).min(self.sums.len() - 1);
-            (self.lights[place], lights.probability(self.lights[place]))
-        } else {
-            lights.choose((u_choice - GUIDED) / (1.0 - GUIDED))?
-        };
-        let both = GUIDED * self.probability(light) + (1.0 - GUIDED) * probability;
-        lights.direction_to_one(light, both, u)
-    }
-
-    /// The probability with which the tile chooses a light.
-    fn probability(&self, light: usize) -> f32 {
-        let Ok(place) = self.lights.binary_search(&light) else { return 0.0 };
-        self.sums[place] - if place == 0 { 0.0 } else { self.sums[place - 1] }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Rng;
     use crate::secondary::tests::square;
     use glam::{Vec3, Vec3A};
-    use scene::{Camera, Description, Material, Mesh, PunctualLight};
+    use scene::{Camera, Description, Material, Mesh, PunctualLight, Surface};
 
     /// A floor under a roof at y = 2 with two lamps below it; the `hidden` ones above it shine on nothing that the
     /// camera sees.
@@ -275,20 +220,16 @@ mod tests {
         let shading = Shading::new(scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
         assert!(shading.surface.n.y > 0.9 && takes_guide(&shading), "the floor");
         let choice = guide.at(position, &shading).expect("tiles of the floor have learnt");
-        assert_eq!(choice.lights, [0, 1], "the lamps below the roof");
+        let Surface { p, n, .. } = shading.surface;
+        let seen_by = |choice: Option<&'_ LightChoice>| scene.lights().seen_by(p, n, choice).probability(0);
+        assert!(seen_by(Some(choice)) > 1.2 * seen_by(None), "a lamp below the roof");
         // Irradiance by the guide and without it.
-        let mut lights = scene.lights().seen_from(shading.surface.p, shading.surface.n);
-        let mut rng = Rng::new(2, 0);
         const COUNT: u32 = 20_000;
-        let mut irradiance = |choice: Option<&LightChoice>| {
+        let irradiance = |choice: Option<&LightChoice>| {
+            let (mut lights, mut rng) = (scene.lights().seen_by(p, n, choice), Rng::new(2, 0));
             let (mut sum, mut sum_sq) = (0.0, 0.0);
             for _ in 0..COUNT {
-                let (u_choice, u) = (rng.next_1d(), rng.next_2d());
-                let direction = match choice {
-                    Some(choice) => choice.direction(&mut lights, u_choice, u),
-                    None => lights.direction(u_choice, u),
-                };
-                let Some(sample) = direction.and_then(|direction| direction.sample()) else { continue };
+                let Some(sample) = lights.sample(rng.next_1d(), rng.next_2d()) else { continue };
                 if !scene.occluded(&shading.surface.shadow_ray(sample.wi, sample.distance)) {
                     let value = f64::from(sample.radiance.x * sample.wi.dot(Vec3A::Y) / sample.pdf);
                     sum += value;
@@ -302,17 +243,6 @@ mod tests {
         let error = ((noise + blind_noise) / f64::from(COUNT)).sqrt();
         assert!((guided - blind).abs() < 4.0 * error, "{guided} and {blind} +- {error}");
         assert!(noise < 0.4 * blind_noise, "{noise} of {blind_noise}");
-    }
-
-    #[test]
-    fn probabilities_are_those_of_the_moments() {
-        let choice = LightChoice::new(vec![(7, 1.0), (3, 9.0), (7, 3.0)]).unwrap();
-        assert_eq!(choice.lights, [3, 7]);
-        for (light, expected) in [(3, 0.6), (7, 0.4), (5, 0.0)] {
-            assert!((choice.probability(light) - expected).abs() < 1e-6, "light {light}");
-        }
-        assert!(LightChoice::new(vec![]).is_none() && LightChoice::new(vec![(1, 0.0)]).is_none(), "no light");
-        assert!(LightChoice::new(vec![(1, f32::INFINITY)]).is_none(), "no number");
     }
 
     #[test]

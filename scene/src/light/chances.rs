@@ -10,188 +10,214 @@
 //! middle of the lamp, h the height over its plane, which is 0 or less where the lamp is not seen, and s a fifth of the
 //! root of its area A: near a wide lamp not all of it is seen as its middle is. A disc over its middle, and an even
 //! sky, are right. The normal of the surface is left out, so that a ray that meets a light by chance knows the density
-//! by the point from which it came. Of very many lamps a tree chooses one, with what is at its root for E. Among lights
-//! at infinity, which bring the same to all points, flux chooses.
+//! by the point from which it came. Very many lamps are looked at in groups, branches of a tree that chooses one of them
+//! then; E of a group is what the tree says of it. Among lights at infinity, which bring the same to all points, flux
+//! chooses.
 //!
 //! By flux alone a lamp of 10 cm on a ground of 400 m under a night sky was chosen 3 times in 10^4, although it brought
 //! most of the light: relMSE of `path` with 64 samples a pixel was 0.7, and is 4e-4.
 
-use fearless_simd::{Level, dispatch};
+use std::ops::Range;
+
 use glam::Vec3A;
 
-use super::tree::Emitter;
+use super::choice::Choice;
+use super::lamps::{LANES, Lamps, MOST_BLOCKS, MOST_GROUPS};
+use super::tree::{Emitter, Node, number};
 use super::{Lights, narrow};
 
-/// Up to so many lamps are looked at one by one, which takes no longer than a way through a tree of as many, and leaves
-/// half of the noise.
-pub(super) const MOST_LAMPS: usize = 128;
+/// Groups of more lamps than [`MOST_GROUPS`]: more take longer and find no better lamp.
+const GROUPS_OF_MANY: usize = 32;
 
-/// Lamps that are looked at together.
-const LANES: usize = 8;
-
-/// Share of the root of a lamp's area that is added to heights over its plane.
-const LIFT: f32 = 0.2;
-
-/// Lamps as their choice sees them.
-#[derive(Debug, Clone)]
-pub(super) struct Lamps {
-    blocks: Vec<Block>,
-    level: Level,
-}
-
-#[derive(Debug, Clone)]
-struct Block {
-    centre: [[f32; LANES]; 3],
-    /// Zero where it shines to all sides.
-    normal: [[f32; LANES]; 3],
-    /// Added to the height; infinite where it shines to all sides.
-    lift: [f32; LANES],
-    /// Intensity towards the brightest side, summed over the channels.
-    intensity: [f32; LANES],
-    /// Added to the squared distance.
-    softening: [f32; LANES],
-}
-
-impl Lamps {
-    pub(super) fn new(emitters: &[Emitter]) -> Self {
-        Self { blocks: emitters.chunks(LANES).map(Block::new).collect(), level: Level::new() }
-    }
-
-    /// Returns the irradiance that all together may bring to `p`, summed over the channels.
-    #[inline]
-    fn irradiance(&self, p: Vec3A) -> f32 {
-        // Plain loops, which the compiler writes in the widest instructions that there are.
-        dispatch!(self.level, _simd => {
-            let mut sums = [0.0; LANES];
-            for block in &self.blocks {
-                for (sum, irradiance) in sums.iter_mut().zip(block.irradiance(p)) {
-                    *sum += irradiance;
-                }
-            }
-            sums.iter().sum()
-        })
-    }
-
-    /// Returns the irradiance that one may bring to `p`.
-    #[inline]
-    fn irradiance_of(&self, index: usize, p: Vec3A) -> f32 {
-        self.blocks[index / LANES].irradiance(p)[index % LANES]
-    }
-
-    /// Returns the lamp at which a `place` below the irradiance of all lies, one after the other, and its irradiance.
-    #[inline]
-    fn at(&self, mut place: f64, p: Vec3A) -> Option<(usize, f32)> {
-        dispatch!(self.level, _simd => {
-            // Rounding may leave the place behind the last.
-            let mut found = None;
-            for (number, block) in self.blocks.iter().enumerate() {
-                for (lane, irradiance) in block.irradiance(p).into_iter().enumerate() {
-                    if irradiance > 0.0 {
-                        found = Some((number * LANES + lane, irradiance));
-                        if place < f64::from(irradiance) {
-                            return found;
-                        }
-                        place -= f64::from(irradiance);
-                    }
-                }
-            }
-            found
-        })
-    }
-
-    pub(super) fn memory_bytes(&self) -> usize {
-        self.blocks.capacity() * size_of::<Block>()
-    }
-}
-
-impl Block {
-    /// Up to [`LANES`] of them; the rest is dark.
-    fn new(emitters: &[Emitter]) -> Self {
-        use std::f32::consts::FRAC_1_PI;
-        let of = |value: &dyn Fn(&Emitter) -> f32| std::array::from_fn(|i| emitters.get(i).map_or(0.0, value));
-        let is_flat = |emitter: &Emitter| emitter.normal.is_some();
-        Self {
-            centre: [0, 1, 2].map(|axis| of(&|emitter| emitter.centre[axis])),
-            normal: [0, 1, 2].map(|axis| of(&|emitter| emitter.normal.map_or(0.0, |normal| normal[axis]))),
-            lift: of(&|emitter| if is_flat(emitter) { LIFT * emitter.area.sqrt() } else { f32::INFINITY }),
-            intensity: of(&|emitter| emitter.flux * FRAC_1_PI),
-            softening: of(&|emitter| emitter.area * FRAC_1_PI * if is_flat(emitter) { 1.0 } else { 0.25 }),
-        }
-    }
-
-    /// Returns the irradiance that each may bring to `p`.
-    #[inline(always)]
-    fn irradiance(&self, p: Vec3A) -> [f32; LANES] {
-        let p = p.to_array();
-        std::array::from_fn(|i| {
-            let [x, y, z] = [0, 1, 2].map(|axis| p[axis] - self.centre[axis][i]);
-            let height = x * self.normal[0][i] + y * self.normal[1][i] + z * self.normal[2][i];
-            let distance_sq = x * x + y * y + z * z + f32::MIN_POSITIVE;
-            let distance = distance_sq.sqrt();
-            let lifted = (height + self.lift[i]).min(distance);
-            let irradiance = self.intensity[i] * lifted / (distance * (distance_sq + self.softening[i]));
-            // There is no bound at a point light itself.
-            let is_lit = height > 0.0 || self.lift[i] == f32::INFINITY;
-            if is_lit && irradiance < f32::MAX { irradiance } else { 0.0 }
-        })
-    }
-}
-
-/// What the lights may bring to a point. What each of the lamps may bring is found again when it is asked for: kept, it
-/// would be copied with whoever sees lights, by scenes of a single one too.
+/// What the lights may bring to a point.
 #[derive(Debug)]
-pub(super) struct Chances {
+pub(super) struct Chances<'a> {
     p: Vec3A,
-    /// Irradiance by all lamps, summed over the channels.
+    choice: &'a LightChoice,
+    /// Irradiance by the lamps of each block, summed over the channels.
+    blocks: [f32; MOST_BLOCKS],
+    /// By all lamps.
     near: f32,
     /// By all lights.
     total: f32,
 }
 
-impl Chances {
+impl<'a> Chances<'a> {
     /// Looks at the lights from `p`; `None` where it does not matter from where.
     #[inline]
-    pub(super) fn new(lights: &Lights, p: Vec3A) -> Option<Self> {
-        lights.place_matters.then(|| Self::of_several(lights, p))
+    pub(super) fn new(lights: &'a Lights, p: Vec3A) -> Option<Self> {
+        lights.place_matters.then(|| Self::by(&lights.even, p))
     }
 
-    /// Out of the way of scenes of a single light.
+    /// Looks at the lights from `p`. Out of the way of scenes of a single light.
     #[inline(never)]
-    fn of_several(lights: &Lights, p: Vec3A) -> Self {
-        let near = lights.tree.as_ref().map_or_else(|| lights.lamps.irradiance(p), |tree| tree.irradiance(p));
-        Self { p, near, total: near + narrow(lights.far_irradiance) }
+    pub(super) fn by(choice: &'a LightChoice, p: Vec3A) -> Self {
+        let blocks = choice.lamps.irradiance(p);
+        let near = blocks.iter().sum();
+        Self { p, choice, blocks, near, total: near + choice.far_irradiance }
     }
 
     /// Returns the light that `u` in [0, 1) chooses, and its probability; `None` where nothing shines to the point.
     #[inline(never)]
     pub(super) fn choose(&self, lights: &Lights, u: f32) -> Option<(usize, f32)> {
-        let &Self { p, near, total } = self;
-        let (place, lamps) = (f64::from(u) * f64::from(total), f64::from(near));
+        let &Self { p, choice, near, total, .. } = self;
+        // In f64 what is left of the number keeps its digits.
+        let (mut place, lamps) = (f64::from(u) * f64::from(total), f64::from(near));
         if place >= lamps {
-            let (index, probability) = lights.far.sample((place - lamps) / f64::from(total - near))?;
+            let (index, probability) = choice.far.sample((place - lamps) / f64::from(total - near))?;
             return Some((lights.near_count + index, probability * ((total - near) / total)));
         }
-        if let Some(tree) = &lights.tree {
-            let (index, probability) = tree.sample(p, place / lamps)?;
-            return Some((index, probability * (near / total)));
-        }
-        let (index, irradiance) = lights.lamps.at(place, p)?;
-        Some((index, irradiance / total))
+        let block = pass(&self.blocks, &mut place)?;
+        let irradiance = choice.lamps.irradiance_of(block, p);
+        let lane = pass(&irradiance, &mut place)?;
+        let (group, irradiance) = (LANES * block + lane, irradiance[lane]);
+        let (lamp, probability) =
+            lights.tree.as_ref()?.sample(choice.nodes[group], p, place / f64::from(irradiance))?;
+        Some((lamp, probability * (irradiance / total)))
     }
 
     /// Returns the probability with which [`Chances::choose`] takes a light.
     #[inline]
-    pub(super) fn probability(&self, lights: &Lights, index: usize) -> f32 {
-        let &Self { p, near, total } = self;
+    pub(super) fn probability(&self, lights: &Lights, light: usize) -> f32 {
+        let &Self { p, choice, near, total, .. } = self;
         if total <= 0.0 {
             return 0.0;
         }
-        if index >= lights.near_count {
-            return lights.far.probability(index - lights.near_count) * ((total - near) / total);
+        if light >= lights.near_count {
+            return choice.far.probability(light - lights.near_count) * ((total - near) / total);
         }
-        match &lights.tree {
-            Some(tree) => tree.probability(p, index) * (near / total),
-            None => lights.lamps.irradiance_of(index, p) / total,
+        let Some(tree) = &lights.tree else { return 0.0 };
+        let group = choice.group(tree.place(light));
+        tree.probability(choice.nodes[group], p, light)
+            * (choice.lamps.irradiance_of(group / LANES, p)[group % LANES] / total)
+    }
+}
+
+/// Returns which of some stretches, one after the other, a place is in, and takes from it what is before; the last one
+/// where rounding left it behind.
+#[inline]
+fn pass(stretches: &[f32], place: &mut f64) -> Option<usize> {
+    let mut last = None;
+    for (number, stretch) in stretches.iter().map(|&stretch| f64::from(stretch)).enumerate() {
+        if stretch > 0.0 {
+            if let Some((_, before)) = last {
+                *place -= before;
+            }
+            last = Some((number, stretch));
+            if *place < stretch {
+                break;
+            }
         }
+    }
+    last.map(|(number, _)| number)
+}
+
+/// How lights are chosen: by what they may bring to a point, and by how much of it others like it have brought, where
+/// that was learnt. [`Lights::learnt_choice`] makes one.
+#[derive(Debug, Clone, Default)]
+pub struct LightChoice {
+    lamps: Lamps,
+    /// Node of the tree for each group of lamps.
+    nodes: Vec<usize>,
+    /// Place of the first lamp of each group, in their order, and the group.
+    starts: Vec<(u32, usize)>,
+    /// Among the lights at infinity.
+    pub(super) far: Choice,
+    /// Irradiance that all of these bring to a surface that faces them, summed over the channels.
+    far_irradiance: f32,
+}
+
+impl LightChoice {
+    /// By what lights may bring alone.
+    pub(super) fn even(lights: &Lights) -> Self {
+        Self::weighted(lights, &lights.branches(), |_| 1.0)
+    }
+
+    /// By the weights of lights in a stretch of places: of the branches of the tree, and of each light at infinity,
+    /// whose places follow the others'.
+    pub(super) fn weighted(lights: &Lights, branches: &[usize], weight: impl Fn(Range<u32>) -> f32) -> Self {
+        let far = || lights.far_places().map(|light| (lights.flux_sum(light), f64::from(weight(one(light)))));
+        let (flux, weighted) = far().fold((0.0, 0.0), |sum, (flux, weight)| (sum.0 + flux, sum.1 + flux * weight));
+        let far_irradiance = if flux > 0.0 { narrow(lights.far_irradiance() * (weighted / flux)) } else { 0.0 };
+        let far = Choice::new(far().map(|(flux, weight)| flux * weight));
+        let mut choice = Self { far, far_irradiance, ..Self::default() };
+        let Some(tree) = &lights.tree else { return choice };
+        let (leaves, inner): (Vec<usize>, Vec<usize>) =
+            branches.iter().partition(|&&branch| tree.node(branch).count == 1);
+        let lamp = |&leaf: &usize| {
+            let node = tree.node(leaf);
+            let emitter = lights.light(node.child as usize).emitter();
+            Emitter { flux: emitter.flux * weight(node.places()), ..emitter }
+        };
+        let branch = |&branch: &usize| {
+            let node = tree.node(branch);
+            node.weighted(weight(node.places()))
+        };
+        let lamps: Vec<Emitter> = leaves.iter().map(lamp).collect();
+        let branches: Vec<Node> = inner.iter().map(branch).collect();
+        choice.lamps = Lamps::new(&lamps, &branches);
+        let from = leaves.len().next_multiple_of(LANES);
+        let numbered = (0..).zip(&leaves).chain((from..).zip(&inner));
+        choice.starts = numbered.map(|(group, &node)| (tree.node(node).places().start, group)).collect();
+        choice.starts.sort_unstable();
+        choice.nodes = leaves;
+        choice.nodes.resize(from, 0);
+        choice.nodes.extend(inner);
+        choice
+    }
+
+    /// Returns the group of the lamp at a place.
+    #[inline]
+    fn group(&self, place: u32) -> usize {
+        self.starts[self.starts.partition_point(|start| start.0 <= place) - 1].1
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.lamps.memory_bytes()
+            + self.nodes.capacity() * size_of::<usize>()
+            + self.starts.capacity() * size_of::<(u32, usize)>()
+            + self.far.memory_bytes()
+    }
+}
+
+/// One place.
+pub(super) fn one(place: usize) -> Range<u32> {
+    number(place)..number(place + 1)
+}
+
+impl Lights {
+    /// Returns the branches of the tree that are weighed for each point.
+    pub(super) fn branches(&self) -> Vec<usize> {
+        let Some(tree) = &self.tree else { return Vec::new() };
+        let mut branches = vec![0];
+        let most = if self.near_count <= MOST_GROUPS { MOST_GROUPS } else { GROUPS_OF_MANY - LANES };
+        tree.split(&mut branches, most, |node| (node.flux * node.shape.radius_sq.sqrt()).max(f32::MIN_POSITIVE));
+        branches
+    }
+
+    /// Returns the places of the lights at infinity, which are their indices.
+    pub(super) fn far_places(&self) -> Range<usize> {
+        self.near_count..self.count()
+    }
+
+    /// Returns the place of a light: in the order of the tree, then of those at infinity.
+    pub(super) fn place(&self, light: usize) -> u32 {
+        match &self.tree {
+            Some(tree) if light < self.near_count => tree.place(light),
+            _ => {
+                assert!(light < self.count(), "there is no light {light}");
+                number(light)
+            }
+        }
+    }
+
+    /// Returns the flux of a light, summed over the channels.
+    pub(super) fn flux_sum(&self, light: usize) -> f64 {
+        self.light(light).flux(&self.everything).as_dvec3().element_sum()
+    }
+
+    /// Returns the irradiance that the lights at infinity bring to a surface that faces them, summed over the channels.
+    fn far_irradiance(&self) -> f64 {
+        self.far_places().map(|light| self.light(light).far_irradiance()).sum()
     }
 }

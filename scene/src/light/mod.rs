@@ -1,7 +1,7 @@
 //! What shines, and how to find it: choosing a light for a point, and light for a photon.
 //!
-//! A light is chosen, then a direction to it: by what each may bring to the point; among many lamps by a tree that
-//! knows it about. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has
+//! A light is chosen, then a direction to it: by what each may bring to the point, and where it was learnt by whether
+//! it does. Of many lamps groups are chosen, and within them by a tree. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has
 //! a density that [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways
 //! combine (Veach 1997).
 
@@ -10,6 +10,8 @@ mod chances;
 mod choice;
 mod environment;
 mod form;
+mod lamps;
+mod learnt;
 mod pattern;
 mod punctual;
 mod rectangle;
@@ -25,10 +27,12 @@ use glam::{Vec2, Vec3, Vec3A};
 use crate::bounds::narrow;
 use crate::{Aabb, Environment, PunctualLight, Ray, Surface};
 pub(crate) use areas::Areas;
-use chances::{Chances, Lamps, MOST_LAMPS};
+use chances::Chances;
+pub use chances::LightChoice;
 use choice::Choice;
 use environment::EnvironmentLight;
 pub(crate) use form::FormLight;
+pub use learnt::LightLesson;
 pub(crate) use pattern::Pattern;
 use rectangle::RectangleLight;
 pub use seen::{LightDirection, SeenLights};
@@ -49,13 +53,10 @@ pub struct Lights {
     environment: Option<EnvironmentLight>,
     /// Over rectangles, then triangles, forms, punctual lights and the environment, by flux: for photons.
     choice: Choice,
-    /// Over those at infinity, by flux.
-    far: Choice,
-    /// Irradiance that all of these bring to a surface that faces them, summed over the channels.
-    far_irradiance: f64,
-    /// What is not at infinity; where that is many lights, a tree of them instead.
-    lamps: Lamps,
+    /// Of what is not at infinity, if there is anything.
     tree: Option<LightTree>,
+    /// Over all, for a point, where nothing was learnt.
+    even: LightChoice,
     /// Number of lights that are not at infinity: the first ones.
     near_count: usize,
     /// Whether it matters to the choice of a light from where it is made.
@@ -144,10 +145,8 @@ impl Lights {
             punctual: points.into_iter().chain(others).collect(),
             environment: environment.and_then(EnvironmentLight::new),
             choice: Choice::default(),
-            far: Choice::default(),
-            far_irradiance: 0.0,
-            lamps: Lamps::new(&[]),
             tree: None,
+            even: LightChoice::default(),
             near_count,
             place_matters: false,
             total_flux: Vec3::ZERO,
@@ -159,24 +158,18 @@ impl Lights {
             let bounds = emitters.iter().fold(Aabb::EMPTY, |bounds, emitter| bounds.union(emitter.bounds));
             lights.extent = Some(Sphere::of_box(bounds));
         }
-        if near_count > MOST_LAMPS {
-            lights.tree = Some(LightTree::new(&emitters));
-        } else {
-            lights.lamps = Lamps::new(&emitters);
-        }
+        lights.tree = (near_count > 0).then(|| LightTree::new(&emitters));
         lights.weigh();
         lights
     }
 
     /// Sets what follows from how bright the lights are.
     fn weigh(&mut self) {
-        let fluxes: Vec<Vec3> = (0..self.count()).map(|index| self.light(index).flux(&self.everything)).collect();
-        let weight = |flux: &Vec3| flux.as_dvec3().element_sum();
-        self.choice = Choice::new(fluxes.iter().map(weight));
-        self.far = Choice::new(fluxes[self.near_count..].iter().map(weight));
-        self.far_irradiance = (self.near_count..self.count()).map(|index| self.light(index).far_irradiance()).sum();
+        self.choice = Choice::new((0..self.count()).map(|light| self.flux_sum(light)));
+        self.even = LightChoice::even(self);
         self.place_matters = self.near_count > 0 && self.has_choice();
-        self.total_flux = fluxes.iter().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>().as_vec3();
+        let fluxes = (0..self.count()).map(|light| self.light(light).flux(&self.everything).as_dvec3());
+        self.total_flux = fluxes.sum::<glam::DVec3>().as_vec3();
     }
 
     /// Whether nothing shines that could be chosen.
@@ -249,7 +242,14 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn seen_from(&self, p: Vec3A, n: Vec3A) -> SeenLights<'_> {
-        SeenLights::new(self, p, n)
+        SeenLights::new(self, p, n, None)
+    }
+
+    /// As [`Lights::seen_from`], but they are chosen by what was learnt of them, if anything was.
+    #[inline]
+    #[must_use]
+    pub fn seen_by<'a>(&'a self, p: Vec3A, n: Vec3A, choice: Option<&'a LightChoice>) -> SeenLights<'a> {
+        SeenLights::new(self, p, n, choice)
     }
 
     /// Returns the cone in which all lights lie as seen from `p`: its axis, a unit vector, and its half angle in
@@ -359,7 +359,7 @@ impl Lights {
         match chances {
             Some(chances) => chances.choose(self, u),
             None if self.near_count > 0 => Some((0, 1.0)),
-            None => self.far.sample(f64::from(u)),
+            None => self.even.far.sample(f64::from(u)),
         }
     }
 
@@ -369,7 +369,7 @@ impl Lights {
         match chances {
             Some(chances) => chances.probability(self, index),
             None if self.near_count > 0 => 1.0,
-            None => self.far.probability(index),
+            None => self.even.far.probability(index),
         }
     }
 
@@ -417,9 +417,8 @@ impl Lights {
             + self.punctual.capacity() * size_of::<PunctualLight>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
             + self.choice.memory_bytes()
-            + self.far.memory_bytes()
-            + self.lamps.memory_bytes()
             + self.tree.as_ref().map_or(0, LightTree::memory_bytes)
+            + self.even.memory_bytes()
     }
 
     pub(crate) fn has_environment(&self) -> bool {

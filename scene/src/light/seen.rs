@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 
-use super::chances::Chances;
+use super::chances::{Chances, LightChoice};
 use super::environment::EnvironmentLight;
 use super::form::FormLight;
 use super::rectangle::SeenRectangle;
@@ -33,7 +33,7 @@ pub struct SeenLights<'a> {
     p: Vec3A,
     n: Vec3A,
     /// By which lights are chosen, if it matters from where.
-    chances: Option<Chances>,
+    chances: Option<Chances<'a>>,
     /// The light of the last direction and its index.
     last: Option<(usize, SeenLight<'a>)>,
 }
@@ -52,8 +52,9 @@ enum SeenLight<'a> {
 
 impl<'a> SeenLights<'a> {
     #[inline]
-    pub(super) fn new(lights: &'a Lights, p: Vec3A, n: Vec3A) -> Self {
-        Self { lights, p, n, chances: Chances::new(lights, p), last: None }
+    pub(super) fn new(lights: &'a Lights, p: Vec3A, n: Vec3A, choice: Option<&'a LightChoice>) -> Self {
+        let choice = choice.or(lights.place_matters.then_some(&lights.even));
+        Self { lights, p, n, chances: choice.map(|choice| Chances::by(choice, p)), last: None }
     }
 
     /// Chooses a light and a direction to it, as [`Lights::sample`] does.

@@ -1,4 +1,5 @@
-//! A tree of lights: one of very many is chosen by what it may contribute at a point, in logarithmic time.
+//! A tree of lights: one of very many below a branch is chosen by what it may contribute at a point, in logarithmic
+//! time.
 //!
 //! ```text
 //! importance = flux max(0, cos(theta - theta_o - theta_b)) / (d^2 + r^2 / 20),    inside of the sphere 2 flux / (d^2 + r^2 / 20)
@@ -6,7 +7,7 @@
 //!
 //! d is the distance to the centre of the sphere around a node's lights and r its radius; theta the angle between the
 //! axis of their normals and the direction to the point, theta_o that within which these normals lie, theta_b half of
-//! that under which the sphere is seen. From the root on, one of two children is taken in proportion to it, so that
+//! that under which the sphere is seen. From a branch on, one of two children is taken in proportion to it, so that
 //! what cannot shine to the point is never taken. The normal at the point is left out: a ray that meets a light by
 //! chance must know the density with no more than the point it came from.
 //!
@@ -18,6 +19,7 @@
 //! only if the large nodes around it weigh more than those without.
 
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::ops::Range;
 
 use glam::Vec3A;
 
@@ -46,18 +48,27 @@ pub(super) struct LightTree {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Node {
-    /// The sphere around the box of its lights.
-    centre: Vec3A,
-    radius_sq: f32,
-    /// Added to squared distances.
-    softening: f32,
-    flux: f32,
-    cone: Cone,
+pub(super) struct Node {
+    /// Of the sphere around the box of its lights.
+    pub(super) centre: Vec3A,
+    pub(super) flux: f32,
+    pub(super) shape: Shape,
+    /// Number of lights below it, and the place of the first in the order of the tree.
+    pub(super) count: u32,
+    start: u32,
     parent: u32,
-    /// First of two children, or a light.
-    child: u32,
-    is_leaf: bool,
+    /// First of two children, or of a leaf the light.
+    pub(super) child: u32,
+}
+
+/// How far the lights of a node may be from its centre, and to where they may shine.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    pub(super) radius_sq: f32,
+    /// Their normals are within an angle to this unit vector.
+    pub(super) axis: [f32; 3],
+    pub(super) sine: f32,
+    pub(super) cosine: f32,
 }
 
 /// Directions about an axis, such as normals.
@@ -87,15 +98,13 @@ impl LightTree {
         let mut order: Vec<u32> = (0u32..).take(emitters.len()).collect();
         let mut tree = Self { nodes: Vec::with_capacity(2 * emitters.len()), leaves: vec![0; emitters.len()] };
         let all = Cluster::of(&order, emitters);
-        tree.nodes.push(Node::new(&all, 0));
+        tree.nodes.push(Node::new(&all, 0..order.len(), 0));
         // Node, its stretch of `order`. A list, not recursion: cuts may be uneven.
         let mut todo = vec![(0usize, 0..order.len(), all)];
         while let Some((index, range, cluster)) = todo.pop() {
             let lights = &mut order[range.clone()];
-            let number = |x: usize| u32::try_from(x).expect("the number of primitives is limited");
             if let [light] = *lights {
                 tree.nodes[index].child = light;
-                tree.nodes[index].is_leaf = true;
                 tree.leaves[light as usize] = number(index);
                 continue;
             }
@@ -105,32 +114,51 @@ impl LightTree {
             let middle = range.start + middle;
             for (i, part) in [range.start..middle, middle..range.end].into_iter().enumerate() {
                 let cluster = Cluster::of(&order[part.clone()], emitters);
-                tree.nodes.push(Node::new(&cluster, number(index)));
+                tree.nodes.push(Node::new(&cluster, part.clone(), number(index)));
                 todo.push((child + i, part, cluster));
             }
         }
         tree
     }
 
-    /// Returns about the irradiance that all lights together bring to a surface at `p` that faces them, summed over the
-    /// channels.
-    #[inline]
-    pub(super) fn irradiance(&self, p: Vec3A) -> f32 {
-        self.nodes[0].importance(p) / PI
+    /// Splits those of some branches that are worth most, until there are `most` of them or no worth is above 0.
+    pub(super) fn split(&self, branches: &mut Vec<usize>, most: usize, worth: impl Fn(&Node) -> f32) {
+        let worth = |&branch: &usize| {
+            let node = &self.nodes[branch];
+            if node.count > 1 { worth(node) } else { 0.0 }
+        };
+        let mut worths: Vec<f32> = branches.iter().map(worth).collect();
+        while branches.len() < most {
+            let best = (0..worths.len()).max_by(|&a, &b| worths[a].total_cmp(&worths[b]));
+            let Some(place) = best.filter(|&place| worths[place] > 0.0) else { return };
+            let child = self.nodes[branches[place]].child as usize;
+            let children = [child, child + 1];
+            branches.splice(place..=place, children);
+            worths.splice(place..=place, children.map(|child| worth(&child)));
+        }
     }
 
-    /// Returns the light that `u` in [0, 1) chooses for the point `p`, and its probability; `None` where none shines to
-    /// it.
+    /// Returns a node.
+    #[inline]
+    pub(super) fn node(&self, index: usize) -> &Node {
+        &self.nodes[index]
+    }
+
+    /// Returns the place of a light in the order of the tree, in which those below a node follow each other.
+    #[inline]
+    pub(super) fn place(&self, light: usize) -> u32 {
+        self.nodes[self.leaves[light] as usize].start
+    }
+
+    /// Returns the light below a `branch` that `u` in [0, 1) chooses for the point `p`, and its probability among
+    /// these; `None` where none shines to it.
     ///
     /// In f64 the remainder of `u` keeps its digits over all levels.
     #[inline]
-    pub(super) fn sample(&self, p: Vec3A, mut u: f64) -> Option<(usize, f32)> {
+    pub(super) fn sample(&self, branch: usize, p: Vec3A, mut u: f64) -> Option<(usize, f32)> {
         let mut probability = 1.0;
-        let mut node = &self.nodes[0];
-        if node.importance(p) <= 0.0 {
-            return None;
-        }
-        while !node.is_leaf {
+        let mut node = &self.nodes[branch];
+        while node.count > 1 {
             let first = self.share(node, p)?;
             let child = node.child as usize;
             if u < f64::from(first) {
@@ -146,15 +174,12 @@ impl LightTree {
         (probability > 0.0).then_some((node.child as usize, probability))
     }
 
-    /// Returns the probability with which [`LightTree::sample`] chooses a light for the point `p`.
+    /// Returns the probability with which [`LightTree::sample`] chooses a light below a `branch` for the point `p`.
     #[inline]
-    pub(super) fn probability(&self, p: Vec3A, light: usize) -> f32 {
-        if self.nodes[0].importance(p) <= 0.0 {
-            return 0.0;
-        }
+    pub(super) fn probability(&self, branch: usize, p: Vec3A, light: usize) -> f32 {
         let mut probability = 1.0;
         let mut index = self.leaves[light] as usize;
-        while index != 0 {
+        while index != branch {
             let parent = &self.nodes[self.nodes[index].parent as usize];
             let Some(first) = self.share(parent, p) else { return 0.0 };
             probability *= if index == parent.child as usize { first } else { 1.0 - first };
@@ -179,31 +204,54 @@ impl LightTree {
 }
 
 impl Node {
-    fn new(cluster: &Cluster, parent: u32) -> Self {
+    fn new(cluster: &Cluster, range: Range<usize>, parent: u32) -> Self {
         let Aabb { min, max } = cluster.bounds;
         let centre = Vec3A::from(min.midpoint(max));
         let radius_sq = (0.25 * (max - min).length_squared()).max(LEAST_DISTANCE_SQ);
-        let (flux, cone) = (cluster.flux, cluster.cone);
-        Self { centre, radius_sq, softening: SOFTENING * radius_sq, flux, cone, parent, child: 0, is_leaf: false }
+        let Cone { axis, cosine } = cluster.cone;
+        let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
+        let shape = Shape { radius_sq, axis: axis.to_array(), sine, cosine };
+        let (start, count) = (number(range.start), number(range.len()));
+        Self { centre, flux: cluster.flux, shape, count, start, parent, child: 0 }
+    }
+
+    /// Returns it as if its flux were multiplied.
+    pub(super) fn weighted(&self, weight: f32) -> Self {
+        Self { flux: self.flux * weight, ..*self }
+    }
+
+    /// Returns the places of the lights below it.
+    pub(super) fn places(&self) -> Range<u32> {
+        self.start..self.start + self.count
     }
 
     #[inline]
     fn importance(&self, p: Vec3A) -> f32 {
-        let offset = p - self.centre;
-        let distance_sq = offset.length_squared();
-        let weight = self.flux / (distance_sq + self.softening);
-        if distance_sq <= self.radius_sq {
-            return 2.0 * weight;
-        }
-        // The least angle to any normal of the cone, from any point of the sphere.
-        let cosine = self.cone.axis.dot(offset) / distance_sq.sqrt();
-        let sine_b_sq = self.radius_sq / distance_sq;
-        let bound = (sine_b_sq.sqrt(), (1.0 - sine_b_sq).sqrt());
-        let within = (self.cone.sine(), self.cone.cosine);
-        let (sine, cosine) = less((((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt(), cosine), within);
-        let (_, cosine) = less((sine, cosine), bound);
-        weight * (cosine + SLACK).max(0.0)
+        let Self { centre, shape, flux, .. } = self;
+        flux * shape.importance((p - *centre).to_array())
     }
+}
+
+impl Shape {
+    /// Returns the importance of a flux of 1 at an offset from the centre.
+    #[inline(always)]
+    pub(super) fn importance(self, offset: [f32; 3]) -> f32 {
+        let Self { radius_sq, axis, sine, cosine } = self;
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let distance_sq = dot(offset, offset);
+        let weight = 1.0 / (distance_sq + SOFTENING * radius_sq);
+        // The least angle to any normal of the cone, from any point of the sphere.
+        let cosine_to_axis = dot(axis, offset) / distance_sq.sqrt();
+        let sine_to_axis = ((1.0 - cosine_to_axis) * (1.0 + cosine_to_axis)).max(0.0).sqrt();
+        let sine_b_sq = radius_sq / distance_sq;
+        let bound = (sine_b_sq.sqrt(), (1.0 - sine_b_sq).sqrt());
+        let (_, least) = less(less((sine_to_axis, cosine_to_axis), (sine, cosine)), bound);
+        if distance_sq <= radius_sq { 2.0 * weight } else { weight * (least + SLACK).max(0.0) }
+    }
+}
+
+pub(super) fn number(x: usize) -> u32 {
+    u32::try_from(x).expect("the number of primitives is limited")
 }
 
 /// Returns sine and cosine of the difference of two angles in [0, pi], or of 0 where the second is larger.
@@ -260,10 +308,6 @@ impl From<&Emitter> for Cluster {
 
 impl Cone {
     const ALL: Self = Self { axis: Vec3A::Z, cosine: -1.0 };
-
-    fn sine(self) -> f32 {
-        ((1.0 - self.cosine) * (1.0 + self.cosine)).max(0.0).sqrt()
-    }
 
     /// Returns a cone around both.
     fn union(self, other: Self) -> Self {
@@ -366,12 +410,12 @@ mod tests {
         let emitters = emitters(1000);
         let tree = LightTree::new(&emitters);
         for p in [Vec3A::new(5.0, 5.0, 0.0), Vec3A::new(-20.0, 3.0, 4.0), Vec3A::new(2.0, 8.0, 6.0)] {
-            let sum: f64 = (0..emitters.len()).map(|light| f64::from(tree.probability(p, light))).sum();
+            let sum: f64 = (0..emitters.len()).map(|light| f64::from(tree.probability(0, p, light))).sum();
             let mut found = 0.0;
             for i in 0..4096 {
-                let Some((light, probability)) = tree.sample(p, (f64::from(i) + 0.5) / 4096.0) else { continue };
+                let Some((light, probability)) = tree.sample(0, p, (f64::from(i) + 0.5) / 4096.0) else { continue };
                 found += 1.0 / 4096.0;
-                let again = tree.probability(p, light);
+                let again = tree.probability(0, p, light);
                 assert!((probability / again - 1.0).abs() < 1e-5, "{p}, light {light}: {probability} is not {again}");
             }
             // What is left goes to nodes whose lights turn out to face away; a gap of the samples has two ends.
@@ -388,7 +432,7 @@ mod tests {
                 let Aabb { min, max } = emitter.bounds;
                 let corner = |i: usize| Vec3A::from_array([0, 1, 2].map(|axis| [min, max][i >> axis & 1][axis]));
                 let shines = emitter.normal.is_none_or(|n| (0..8).any(|i| n.dot(p - corner(i)) > 0.0));
-                assert!(!shines || tree.probability(p, light) > 0.0, "{p}: light {light} is left out");
+                assert!(!shines || tree.probability(0, p, light) > 0.0, "{p}: light {light} is left out");
             }
         }
     }
@@ -399,7 +443,7 @@ mod tests {
         let one = Emitter { bounds, centre: Vec3A::ONE, area: 0.0, flux: 1.0, normal: None };
         let tree = LightTree::new(&[one; 5]);
         for light in 0..5 {
-            assert!(tree.probability(Vec3A::ZERO, light) > 0.05, "light {light}");
+            assert!(tree.probability(0, Vec3A::ZERO, light) > 0.05, "light {light}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use glam::{DVec3, Vec3, Vec3A};
-use scene::{Description, Environment, Mesh, PunctualLight, Ray, Scene};
+use scene::{Description, Environment, LightLesson, Mesh, PunctualLight, Ray, Scene, SeenLights};
 
 use crate::measure::{Random, ball, emitter, form, irradiance};
 
@@ -77,29 +77,94 @@ fn nothing_that_a_wide_lamp_brings_is_taken_for_little() {
     }
 }
 
-#[test]
-fn whatever_is_chosen_has_the_probability_that_is_told() {
+/// Small lamps in a cube, and a large one.
+fn many(count: usize) -> Vec<(Vec3, f32)> {
     let mut random = Random(2);
     let mut place = || Vec3::new(8.0 * random.next() - 4.0, 8.0 * random.next() - 4.0, 1.0 + 4.0 * random.next());
-    let lamps: Vec<(Vec3, f32)> = (0..200).map(|i| (place(), if i == 2 { 20.0 } else { 0.1 })).collect();
-    // Looked at one by one, and by a tree.
-    for count in [5, 100, 200] {
-        let scene = mixed(&lamps[..count], 1.0, 0.1);
+    (0..count).map(|i| (place(), if i == 2 { 20.0 } else { 0.1 })).collect()
+}
+
+/// Chooses by numbers all over the interval, and checks what is told of each light against how often it is found.
+fn tells_what_it_chooses(lights: &SeenLights<'_>, count: usize, name: &str) {
+    let mut found = vec![0.0f64; count];
+    for i in 0u16..4096 {
+        let Some((light, probability)) = lights.choose((f32::from(i) + 0.5) / 4096.0) else { continue };
+        let told = lights.probability(light);
+        assert!((probability - told).abs() <= 1e-5 * told, "{name}: {probability} is not {told}");
+        found[light] += 1.0 / 4096.0;
+    }
+    for (light, found) in found.into_iter().enumerate() {
+        // A stretch of the numbers has two ends.
+        let expected = f64::from(lights.probability(light));
+        assert!((found - expected).abs() < 2.0 / 4096.0, "{name}, {light}: {found}, {expected}");
+    }
+}
+
+#[test]
+fn whatever_is_chosen_has_the_probability_that_is_told() {
+    // Each by itself, and in groups.
+    for count in [5, 100, 127, 200, 1000] {
+        let scene = mixed(&many(count), 1.0, 0.1);
+        let lights = scene.lights();
+        let lessons: Vec<LightLesson> = (0..lights.count())
+            .map(|light| LightLesson { light, count: 10.0, moment: if light % 3 == 0 { 10.0 } else { 0.0 } })
+            .collect();
+        let learnt = lights.learnt_choice(&lessons).expect("there is light");
         for p in [Vec3A::ZERO, Vec3A::new(3.0, 1.0, 2.0), Vec3A::new(-30.0, 5.0, 9.0)] {
-            let lights = scene.lights().seen_from(p, Vec3A::Z);
-            let mut found = vec![0.0f64; scene.lights().count()];
-            for i in 0u16..4096 {
-                let Some((light, probability)) = lights.choose((f32::from(i) + 0.5) / 4096.0) else { continue };
-                let told = lights.probability(light);
-                assert!((probability - told).abs() <= 1e-5 * told, "{count} lamps at {p}: {probability} is not {told}");
-                found[light] += 1.0 / 4096.0;
-            }
-            for (light, found) in found.into_iter().enumerate() {
-                // A stretch of the numbers has two ends.
-                let expected = f64::from(lights.probability(light));
-                assert!((found - expected).abs() < 2.0 / 4096.0, "{count} lamps at {p}, {light}: {found}, {expected}");
-            }
+            tells_what_it_chooses(&lights.seen_from(p, Vec3A::Z), lights.count(), &format!("{count} lamps at {p}"));
+            let seen = lights.seen_by(p, Vec3A::Z, Some(&learnt));
+            tells_what_it_chooses(&seen, lights.count(), &format!("{count} learnt at {p}"));
         }
+    }
+}
+
+#[test]
+fn what_was_seen_is_chosen_and_nothing_is_left_out() {
+    // Few are weighed one by one; those of many that were seen are found in their groups.
+    for count in [20, 3000] {
+        let scene = mixed(&many(count), 1.0, 0.1);
+        let (lights, p) = (scene.lights(), Vec3A::new(1.0, 1.0, -2.0));
+        let blind = lights.seen_from(p, Vec3A::Z);
+        let sky = lights.count() - 1;
+        // Each lamp was asked for as often as it is chosen, and only these three were seen.
+        let seen = [4, 9, 15];
+        let lesson = |light: usize| {
+            let times = 1e4 * blind.probability(light);
+            LightLesson { light, count: times, moment: if seen.contains(&light) { times } else { 0.0 } }
+        };
+        let lessons: Vec<LightLesson> = (0..=sky).map(lesson).collect();
+        let choice = lights.learnt_choice(&lessons).expect("three lamps are seen");
+        let learnt = lights.seen_by(p, Vec3A::Z, Some(&choice));
+        let of = |lights: &SeenLights<'_>| seen.into_iter().map(|light| lights.probability(light)).sum::<f32>();
+        let (before, after) = (of(&blind), of(&learnt));
+        assert!(before < 0.3 && after > 0.6, "{count} lamps: {before}, then {after}");
+        for light in 0..=sky {
+            let (before, after) = (blind.probability(light), learnt.probability(light));
+            // Where there are many the density within a group may have been another.
+            assert!(before == 0.0 || after > 0.0, "{count} lamps: {light} is lost");
+        }
+        let (before, after) = (blind.probability(sky), learnt.probability(sky));
+        assert!(after > 0.1 * before && after < before, "the sky, with {count} lamps: {before}, then {after}");
+    }
+}
+
+#[test]
+fn nothing_is_learnt_of_darkness() {
+    let scene = mixed(&many(20), 1.0, 0.1);
+    let lights = scene.lights();
+    assert!(lights.learnt_choice(&[]).is_none(), "no lesson");
+    let dark = LightLesson { light: 3, count: 10.0, moment: 0.0 };
+    assert!(lights.learnt_choice(&[dark]).is_none(), "no light");
+    assert!(lights.learnt_choice(&[LightLesson { moment: f32::INFINITY, ..dark }]).is_none(), "no number");
+    // Of what there is no lesson nothing changes: all are as likely to be seen.
+    let all: Vec<LightLesson> =
+        (0..lights.count()).map(|light| LightLesson { light, count: 1.0, moment: 2.0 }).collect();
+    let choice = lights.learnt_choice(&all).expect("there is light");
+    let (p, n) = (Vec3A::ZERO, Vec3A::Z);
+    let (before, after) = (lights.seen_from(p, n), lights.seen_by(p, n, Some(&choice)));
+    for light in 0..lights.count() {
+        let (before, after) = (before.probability(light), after.probability(light));
+        assert!((before - after).abs() <= 1e-5 * before, "light {light}: {before}, then {after}");
     }
 }
 
