@@ -129,7 +129,7 @@ pub(crate) fn light_candidates(scene: &Scene, shading: &Shading) -> u32 {
 pub(crate) struct LightWays<'a> {
     /// Directions to weigh.
     pub(crate) count: u32,
-    /// What is known of the lights around there, for surfaces without gloss.
+    /// What is known of the lights around there.
     pub(crate) choice: Option<&'a LightChoice>,
     /// With it, only the hard part of the surroundings counts for the diffuse part.
     pub(crate) sky: Option<&'a SkySplit>,

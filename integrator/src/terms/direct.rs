@@ -4,7 +4,7 @@
 
 use arrayvec::ArrayVec;
 use glam::{UVec2, Vec3, Vec3A};
-use scene::{Lights, Lobes, Scene};
+use scene::{LightChoice, Lobes, Scene, SeenLights, Surface};
 
 use crate::delta_ways::{Way, delta_ways};
 use crate::follower::{Follower, Reflection};
@@ -77,15 +77,15 @@ impl Sight {
         move |wi| caustic + towards.as_ref().map_or(Vec3::ZERO, |towards| towards(-wi))
     }
 
-    /// Returns what a lobe at `p`, which sees this too and looks here with density `pdf`, counts of the light straight
-    /// from the source beside light sampling.
-    pub(crate) fn emitted_to(&self, lights: &Lights, p: Vec3A, wi: Vec3A, pdf: f32) -> Vec3 {
+    /// Returns what a lobe that sees this too, along the unit vector `wi` which it takes with density `pdf`, counts of
+    /// the light straight from the source beside samples of the `lights` that it sees.
+    pub(crate) fn emitted_to<'a>(&self, lights: impl FnOnce() -> SeenLights<'a>, wi: Vec3A, pdf: f32) -> Vec3 {
         if self.emitted == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let light_pdf = match &self.met {
-            Some(met) => lights.pdf_surface(p, wi, &met.surface),
-            None => lights.pdf_environment(p, wi),
+            Some(met) => lights().pdf_surface(wi, &met.surface),
+            None => lights().pdf_environment(wi),
         };
         mis_weight(pdf, light_pdf) * self.emitted
     }
@@ -114,8 +114,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let mut light = Light::default();
         let count = self.plan.samples.light_samples;
         let has_light_choice = self.scene.lights().has_choice();
-        let choice = self.light_guide.filter(|_| takes_guide(shading)).and_then(|guide| guide.at(position, shading));
-        let ways = LightWays { count: 1, choice, sky: self.sky };
+        let ways = LightWays { count: 1, choice: self.light_choice(shading, position), sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways);
         let mut sum_sq = 0.0;
         for mut sampler in sampler.split_into(count) {
@@ -133,6 +132,17 @@ impl<S: Secondary> DirectTerm<'_, S> {
             self.add_lobe(shading, position, share, sampler, rays, &mut light);
         }
         (light, variance)
+    }
+
+    /// What is known of the lights at a surface that the pixel at `position` shows.
+    fn light_choice(&self, shading: &Shading, position: UVec2) -> Option<&LightChoice> {
+        self.light_guide.filter(|_| takes_guide(shading, self.sky))?.at(position, shading)
+    }
+
+    /// Returns the lights as a glossy surface that the pixel at `position` shows sees them when it samples them.
+    pub(crate) fn lights_of_gloss(&self, shading: &Shading, position: UVec2) -> SeenLights<'_> {
+        let Surface { p, n, .. } = shading.surface;
+        self.scene.lights().seen_by(p, n, self.light_choice(shading, position))
     }
 
     /// Adds what the glossy lobe finds by its samples, of which half follow a guide if there is one.
@@ -157,13 +167,13 @@ impl<S: Secondary> DirectTerm<'_, S> {
         for mut sampler in sampler.split_into(count - guided) {
             let Some(mut way) = self.lobe_way(shading, &mut sampler) else { continue };
             way.weight *= if guided == 0 { 1.0 / count as f32 } else { way.pdf / density(&way) };
-            light.add(&self.along_lobe(shading, &way, &mut sampler, rays));
+            light.add(&self.along_lobe(shading, position, &way, &mut sampler, rays));
         }
         let Some(guide) = guide else { return };
         for mut sampler in sampler.split_into(guided) {
             let Some(mut way) = guided_way(guide, shading, &mut sampler) else { continue };
             way.weight *= way.pdf / density(&way);
-            light.add(&self.along_lobe(shading, &way, &mut sampler, rays));
+            light.add(&self.along_lobe(shading, position, &way, &mut sampler, rays));
         }
     }
 
@@ -175,20 +185,21 @@ impl<S: Secondary> DirectTerm<'_, S> {
         leaves.then_some(LobeWay { wi: sample.wi, weight: sample.weight, pdf: sample.pdf })
     }
 
-    /// Returns the light that comes to a glossy lobe along a direction.
+    /// Returns the light that comes to a glossy lobe of the pixel at `position` along a direction.
     pub(crate) fn along_lobe(
         &self,
         shading: &Shading,
+        position: UVec2,
         way: &LobeWay,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Light {
-        self.light_of(shading, way, &self.look_along(shading, way.wi, sampler, rays))
+        self.light_of(shading, position, way, &self.look_along(shading, way.wi, sampler, rays))
     }
 
     /// Returns the light by what a sample of the lobe sees.
-    pub(crate) fn light_of(&self, shading: &Shading, way: &LobeWay, sight: &Sight) -> Light {
-        let emitted = sight.emitted_to(self.scene.lights(), shading.surface.p, sight.wi, way.pdf);
+    pub(crate) fn light_of(&self, shading: &Shading, position: UVec2, way: &LobeWay, sight: &Sight) -> Light {
+        let emitted = sight.emitted_to(|| self.lights_of_gloss(shading, position), sight.wi, way.pdf);
         Light { direct: way.weight * emitted, specular: way.weight * sight.reflected() }
     }
 

@@ -97,7 +97,7 @@ fn learner<S: Secondary>(
     let tile = tile(film, size, shading.surface.n);
     for mut sampler in sampler.split_into(LOBE_SAMPLES) {
         let Some(way) = direct.lobe_way(&shading, &mut sampler) else { continue };
-        let light = direct.along_lobe(&shading, &way, &mut sampler, rays);
+        let light = direct.along_lobe(&shading, film.as_uvec2(), &way, &mut sampler, rays);
         let value = (light.direct + light.specular).max_element();
         let moment = value * value * (way.pdf * PI / way.wi.z);
         if moment > 0.0 && moment.is_finite() {

@@ -32,18 +32,16 @@ pub(crate) struct LightGuide {
     tiles: Vec<Option<LightChoice>>,
 }
 
-/// Where a learner's sample belongs, and what it found.
+/// What samples of one light have found in a tile.
 #[derive(Debug, Clone, Copy)]
 struct Lesson {
     tile: usize,
-    light: usize,
-    /// Square of what the sample counts: 0 where something stands between.
-    moment: f32,
+    learnt: LightLesson,
 }
 
 impl LightGuide {
-    /// Learns from `side` x `side` primary rays of a picture of `size` pixels; `None` where they find no light on a
-    /// diffuse surface.
+    /// Learns from `side` x `side` primary rays of a picture of `size` pixels; `None` where there is
+    /// nothing to choose, and where they find no surface that takes a guide.
     pub(crate) fn learn(
         scene: &Scene,
         sky: Option<&SkySplit>,
@@ -52,6 +50,10 @@ impl LightGuide {
         seed: u64,
         rays: &mut RayCounts,
     ) -> Option<Self> {
+        let lights = sky.map_or(scene.lights(), SkySplit::lights);
+        if !lights.has_choice() {
+            return None;
+        }
         let learner = Learner { scene, sky, side, size, seed: hash_pair(seed, STREAM) };
         let found = map_counting((0..side * side).into_par_iter(), rays, |number, rays| learner.lessons(number, rays));
         let mut lessons = found.concat();
@@ -59,16 +61,23 @@ impl LightGuide {
             return None;
         }
         // Stable, so that sums are the same for any number of threads.
-        lessons.par_sort_by_key(|lesson| (lesson.tile, lesson.light));
+        lessons.par_sort_by_key(|lesson| (lesson.tile, lesson.learnt.light));
+        lessons.dedup_by(|next, lesson| {
+            let same = (next.tile, next.learnt.light) == (lesson.tile, lesson.learnt.light);
+            if same {
+                lesson.learnt.count += next.learnt.count;
+                lesson.learnt.moment += next.learnt.moment;
+            }
+            same
+        });
         let of_tile = ranges(&lessons);
-        let lights = sky.map_or(scene.lights(), SkySplit::lights);
         let choice = |tile: usize| {
             let mut learnt = Vec::new();
             for (near, weight) in around(tile) {
-                learnt.extend(lessons[of_tile[near].clone()].iter().map(|lesson| LightLesson {
-                    light: lesson.light,
-                    count: weight,
-                    moment: weight * lesson.moment,
+                learnt.extend(lessons[of_tile[near].clone()].iter().map(|&Lesson { learnt, .. }| LightLesson {
+                    count: weight * learnt.count,
+                    moment: weight * learnt.moment,
+                    ..learnt
                 }));
             }
             lights.learnt_choice(&learnt)
@@ -77,7 +86,7 @@ impl LightGuide {
         Some(Self { size, tiles })
     }
 
-    /// The choice for a diffuse surface in the pixel at `position`.
+    /// The choice for a surface in the pixel at `position`, which takes guides.
     pub(crate) fn at(&self, position: UVec2, shading: &Shading) -> Option<&LightChoice> {
         self.tiles[tile(position.as_vec2() + 0.5, self.size, shading.surface.n)].as_ref()
     }
@@ -96,10 +105,10 @@ fn ranges(lessons: &[Lesson]) -> Vec<Range<usize>> {
         .collect()
 }
 
-/// Whether the light samples of a surface are those that guides know: without gloss, whose own samples are weighted by
-/// another density.
-pub(crate) fn takes_guide(shading: &Shading) -> bool {
-    shading.bsdf.has_diffuse() && !shading.bsdf.has_glossy()
+/// Whether the lights of a surface are those that guides know: where textures carry the soft part of the sky, that is
+/// not so for gloss, which sees all of it.
+pub(crate) fn takes_guide(shading: &Shading, sky: Option<&SkySplit>) -> bool {
+    if shading.bsdf.has_glossy() { sky.is_none() } else { shading.bsdf.has_diffuse() }
 }
 
 struct Learner<'a> {
@@ -116,7 +125,7 @@ impl Learner<'_> {
         let mut lessons = Vec::new();
         let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
         let film = in_cell(number, self.side, sampler.next_pair()) * self.size.as_vec2();
-        let Some(shading) = self.first_diffuse(film, &mut sampler, rays) else { return lessons };
+        let Some(shading) = self.first_lit(film, &mut sampler, rays) else { return lessons };
         let surface = &shading.surface;
         let tile = tile(film, self.size, surface.n);
         let mut lights = lights_of(self.scene, &shading, self.sky).seen_from(surface.p, surface.n);
@@ -127,7 +136,7 @@ impl Learner<'_> {
             let value = direction.map_or(0.0, |direction| self.value(&shading, &direction, rays));
             let moment = value * value;
             if moment.is_finite() {
-                lessons.push(Lesson { tile, light, moment });
+                lessons.push(Lesson { tile, learnt: LightLesson { light, count: 1.0, moment } });
             }
         }
         lessons
@@ -144,17 +153,17 @@ impl Learner<'_> {
             return 0.0;
         }
         let Some(sample) = direction.sample() else { return 0.0 };
-        unshadowed(&shading.bsdf, Lobes::DIFFUSE, shading.wo, wi, &sample, self.sky).max_element()
+        unshadowed(&shading.bsdf, Lobes::ALL, shading.wo, wi, &sample, self.sky).max_element()
     }
 
     /// The surface that a pixel shows, in mirrors and behind glass too, if it takes a guide.
-    fn first_diffuse(&self, film: Vec2, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<Shading> {
+    fn first_lit(&self, film: Vec2, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<Shading> {
         let mut ray = self.scene.camera_ray(film, self.size);
         rays.camera += 1;
         for _ in 0..MAX_CHAIN {
             let hit = self.scene.intersect(&ray)?;
             let shading = Shading::new(self.scene, self.scene.surface(&ray, &hit), ray.direction);
-            if takes_guide(&shading) {
+            if takes_guide(&shading, self.sky) {
                 return Some(shading);
             }
             if !shading.bsdf.is_delta() {
@@ -172,10 +181,13 @@ impl Learner<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Rng;
+    use crate::plan::Plan;
     use crate::secondary::tests::square;
+    use crate::terms::direct::DirectTerm;
+    use crate::terms::reuse::tests::{mean, variance};
+    use crate::{NoSecondary, Rng, Settings};
     use glam::{Vec3, Vec3A};
-    use scene::{Camera, Description, Material, Mesh, PunctualLight, Surface};
+    use scene::{Camera, Description, Material, Mesh, PunctualLight, SpecularKind, Surface};
 
     /// A floor under a roof at y = 2 with two lamps below it; the `hidden` ones above it shine on nothing that the
     /// camera sees.
@@ -218,7 +230,7 @@ mod tests {
         let position = UVec2::new(32, 40);
         let ray = scene.camera_ray(position.as_vec2() + 0.5, size);
         let shading = Shading::new(scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
-        assert!(shading.surface.n.y > 0.9 && takes_guide(&shading), "the floor");
+        assert!(shading.surface.n.y > 0.9 && takes_guide(&shading, None), "the floor");
         let choice = guide.at(position, &shading).expect("tiles of the floor have learnt");
         let Surface { p, n, .. } = shading.surface;
         let seen_by = |choice: Option<&'_ LightChoice>| scene.lights().seen_by(p, n, choice).probability(0);
@@ -246,8 +258,58 @@ mod tests {
     }
 
     #[test]
+    fn gloss_that_meets_lamps_by_chance_knows_how_they_are_chosen() {
+        // A glossy floor mirrors the lamp below a roof, which its lobe finds about as well as light samples do. Of the
+        // lamps above the roof nothing is seen.
+        let lamp = |x: f32, y: f32| square(0.8, y).map(|p| p + Vec3::new(x, 0.0, -2.0));
+        let lamps = [lamp(0.0, 1.9), lamp(-2.0, 2.4), lamp(-1.0, 2.5), lamp(1.0, 2.6), lamp(2.0, 2.7)];
+        let floor_and_roof = [square(4.0, 0.0), square(9.0, 2.0)];
+        let mesh = Mesh {
+            positions: [floor_and_roof.concat(), lamps.concat()].concat(),
+            triangles: (0..7).flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]]).collect(),
+            materials: [vec![0; 4], vec![1; 10]].concat(),
+            ..Mesh::default()
+        };
+        let specular = SpecularKind::Ggx { alpha: 0.2, reflectance: Vec3::splat(0.5), schlick: false };
+        let plastic = Material { diffuse: Vec3::splat(0.4), specular, ..Material::default() };
+        let lit = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
+        let eye = Vec3::new(0.0, 1.0, 1.1);
+        let camera = Camera { eye, at: Vec3::ZERO, up: Vec3::Y, fov_y_degrees: 60.0 };
+        let scene = Scene::new(Description {
+            meshes: vec![mesh],
+            materials: vec![plastic, lit],
+            camera: Some(camera),
+            ..Description::default()
+        })
+        .unwrap();
+        let (size, position) = (UVec2::splat(32), UVec2::splat(16));
+        let mut rays = RayCounts::default();
+        let guide = LightGuide::learn(&scene, None, 64, size, 1, &mut rays).expect("the floor is lit");
+        let ray = scene.camera_ray(position.as_vec2() + 0.5, size);
+        let shading = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
+        assert!(guide.at(position, &shading).is_some() && takes_guide(&shading, None), "gloss learns, too");
+        let plan = Plan::new(&scene, &Settings::default());
+        let found = |light_guide: Option<&LightGuide>| {
+            let direct =
+                DirectTerm { scene: &scene, plan: &plan, secondary: &NoSecondary, sky: None, guide: None, light_guide };
+            let mut rays = RayCounts::default();
+            let values: Vec<f64> = (0..4000)
+                .map(|pixel| {
+                    let mut sampler = Sampler::new(1, pixel, 0);
+                    f64::from(direct.sample(&shading, position, Some(1.0), &mut sampler, &mut rays).0.direct.x)
+                })
+                .collect();
+            (mean(&values), variance(&values))
+        };
+        let ((guided, noise), (blind, blind_noise)) = (found(Some(&guide)), found(None));
+        let error = ((noise + blind_noise) / 4000.0).sqrt();
+        assert!(error < 0.01 * blind && (guided - blind).abs() < 4.0 * error, "{guided} and {blind} +- {error}");
+        assert!(noise < 0.7 * blind_noise, "{noise} of {blind_noise}");
+    }
+
+    #[test]
     fn every_tile_has_its_lessons() {
-        let lesson = |tile, light| Lesson { tile, light, moment: 1.0 };
+        let lesson = |tile, light| Lesson { tile, learnt: LightLesson { light, count: 1.0, moment: 1.0 } };
         let lessons = [lesson(0, 1), lesson(0, 4), lesson(3, 2), lesson(tiles::COUNT - 1, 0)];
         let found = ranges(&lessons);
         assert_eq!([&found[0], &found[1], &found[3], &found[tiles::COUNT - 1]], [&(0..2), &(2..2), &(2..3), &(3..4)]);

@@ -10,9 +10,9 @@
 //! middle of the lamp, h the height over its plane, which is 0 or less where the lamp is not seen, and s a fifth of the
 //! root of its area A: near a wide lamp not all of it is seen as its middle is. A disc over its middle, and an even
 //! sky, are right. The normal of the surface is left out, so that a ray that meets a light by chance knows the density
-//! by the point from which it came. Very many lamps are looked at in groups, branches of a tree that chooses one of them
-//! then; E of a group is what the tree says of it. Among lights at infinity, which bring the same to all points, flux
-//! chooses.
+//! by the point from which it came. Very many lamps are looked at in groups, branches of a tree that chooses one of
+//! them then; E of a group is what the tree says of it. Among lights at infinity, which bring the same to all points,
+//! flux chooses.
 //!
 //! By flux alone a lamp of 10 cm on a ground of 400 m under a night sky was chosen 3 times in 10^4, although it brought
 //! most of the light: relMSE of `path` with 64 samples a pixel was 0.7, and is 4e-4.
@@ -23,11 +23,12 @@ use glam::Vec3A;
 
 use super::choice::Choice;
 use super::lamps::{LANES, Lamps, MOST_BLOCKS, MOST_GROUPS};
-use super::tree::{Emitter, Node, number};
-use super::{Lights, narrow};
+use super::tree::{Emitter, number};
+use super::{Light, Lights, narrow};
+use crate::PunctualLight;
 
 /// Groups of more lamps than [`MOST_GROUPS`]: more take longer and find no better lamp.
-const GROUPS_OF_MANY: usize = 32;
+const GROUPS_OF_MANY: usize = 24;
 
 /// What the lights may bring to a point.
 #[derive(Debug)]
@@ -43,15 +44,9 @@ pub(super) struct Chances<'a> {
 }
 
 impl<'a> Chances<'a> {
-    /// Looks at the lights from `p`; `None` where it does not matter from where.
-    #[inline]
-    pub(super) fn new(lights: &'a Lights, p: Vec3A) -> Option<Self> {
-        lights.place_matters.then(|| Self::by(&lights.even, p))
-    }
-
     /// Looks at the lights from `p`. Out of the way of scenes of a single light.
     #[inline(never)]
-    pub(super) fn by(choice: &'a LightChoice, p: Vec3A) -> Self {
+    pub(super) fn new(choice: &'a LightChoice, p: Vec3A) -> Self {
         let blocks = choice.lamps.irradiance(p);
         let near = blocks.iter().sum();
         Self { p, choice, blocks, near, total: near + choice.far_irradiance }
@@ -62,17 +57,17 @@ impl<'a> Chances<'a> {
     pub(super) fn choose(&self, lights: &Lights, u: f32) -> Option<(usize, f32)> {
         let &Self { p, choice, near, total, .. } = self;
         // In f64 what is left of the number keeps its digits.
-        let (mut place, lamps) = (f64::from(u) * f64::from(total), f64::from(near));
-        if place >= lamps {
-            let (index, probability) = choice.far.sample((place - lamps) / f64::from(total - near))?;
+        let (mut along, lamps) = (f64::from(u) * f64::from(total), f64::from(near));
+        if along >= lamps {
+            let (index, probability) = choice.far.sample((along - lamps) / f64::from(total - near))?;
             return Some((lights.near_count + index, probability * ((total - near) / total)));
         }
-        let block = pass(&self.blocks, &mut place)?;
+        let block = pass(&self.blocks, &mut along)?;
         let irradiance = choice.lamps.irradiance_of(block, p);
-        let lane = pass(&irradiance, &mut place)?;
+        let lane = pass(&irradiance, &mut along)?;
         let (group, irradiance) = (LANES * block + lane, irradiance[lane]);
-        let (lamp, probability) =
-            lights.tree.as_ref()?.sample(choice.nodes[group], p, place / f64::from(irradiance))?;
+        let share = (along / f64::from(irradiance)).min(1.0 - f64::EPSILON);
+        let (lamp, probability) = lights.tree.as_ref()?.sample(choice.nodes[group], p, share)?;
         Some((lamp, probability * (irradiance / total)))
     }
 
@@ -93,18 +88,18 @@ impl<'a> Chances<'a> {
     }
 }
 
-/// Returns which of some stretches, one after the other, a place is in, and takes from it what is before; the last one
-/// where rounding left it behind.
+/// Returns in which of some stretches, one after the other, a point is that lies so far `along` them, and takes from
+/// that what is before; the last one where rounding left it behind.
 #[inline]
-fn pass(stretches: &[f32], place: &mut f64) -> Option<usize> {
+fn pass(stretches: &[f32], along: &mut f64) -> Option<usize> {
     let mut last = None;
     for (number, stretch) in stretches.iter().map(|&stretch| f64::from(stretch)).enumerate() {
         if stretch > 0.0 {
             if let Some((_, before)) = last {
-                *place -= before;
+                *along -= before;
             }
             last = Some((number, stretch));
-            if *place < stretch {
+            if *along < stretch {
                 break;
             }
         }
@@ -114,8 +109,10 @@ fn pass(stretches: &[f32], place: &mut f64) -> Option<usize> {
 
 /// How lights are chosen: by what they may bring to a point, and by how much of it others like it have brought, where
 /// that was learnt. [`Lights::learnt_choice`] makes one.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LightChoice {
+    /// Of the lights.
+    count: usize,
     lamps: Lamps,
     /// Node of the tree for each group of lamps.
     nodes: Vec<usize>,
@@ -128,6 +125,29 @@ pub struct LightChoice {
 }
 
 impl LightChoice {
+    /// Among no lights.
+    pub(super) fn empty() -> Self {
+        Self {
+            count: 0,
+            lamps: Lamps::new(&[], &[]),
+            nodes: Vec::new(),
+            starts: Vec::new(),
+            far: Choice::default(),
+            far_irradiance: 0.0,
+        }
+    }
+
+    /// Whether it may be one among these lights.
+    #[inline]
+    pub(super) fn is_of(&self, lights: &Lights) -> bool {
+        self.count == lights.count()
+    }
+
+    /// The branches of the tree that are its groups, in the order of their lamps.
+    pub(super) fn branches(&self) -> Vec<usize> {
+        self.starts.iter().map(|&(_, group)| self.nodes[group]).collect()
+    }
+
     /// By what lights may bring alone.
     pub(super) fn even(lights: &Lights) -> Self {
         Self::weighted(lights, &lights.branches(), |_| 1.0)
@@ -136,11 +156,13 @@ impl LightChoice {
     /// By the weights of lights in a stretch of places: of the branches of the tree, and of each light at infinity,
     /// whose places follow the others'.
     pub(super) fn weighted(lights: &Lights, branches: &[usize], weight: impl Fn(Range<u32>) -> f32) -> Self {
-        let far = || lights.far_places().map(|light| (lights.flux_sum(light), f64::from(weight(one(light)))));
-        let (flux, weighted) = far().fold((0.0, 0.0), |sum, (flux, weight)| (sum.0 + flux, sum.1 + flux * weight));
+        let far: Vec<(f64, f64)> =
+            lights.far_places().map(|place| (lights.far_flux(place), weight(one(place)).into())).collect();
+        let flux: f64 = far.iter().map(|far| far.0).sum();
+        let weighted: f64 = far.iter().map(|(flux, weight)| flux * weight).sum();
         let far_irradiance = if flux > 0.0 { narrow(lights.far_irradiance() * (weighted / flux)) } else { 0.0 };
-        let far = Choice::new(far().map(|(flux, weight)| flux * weight));
-        let mut choice = Self { far, far_irradiance, ..Self::default() };
+        let far = Choice::new(far.into_iter().map(|(flux, weight)| flux * weight));
+        let mut choice = Self { count: lights.count(), far, far_irradiance, ..Self::empty() };
         let Some(tree) = &lights.tree else { return choice };
         let (leaves, inner): (Vec<usize>, Vec<usize>) =
             branches.iter().partition(|&&branch| tree.node(branch).count == 1);
@@ -153,14 +175,15 @@ impl LightChoice {
             let node = tree.node(branch);
             node.weighted(weight(node.places()))
         };
-        let lamps: Vec<Emitter> = leaves.iter().map(lamp).collect();
-        let branches: Vec<Node> = inner.iter().map(branch).collect();
-        choice.lamps = Lamps::new(&lamps, &branches);
+        let (lamps, inner_nodes): (Vec<_>, Vec<_>) =
+            (leaves.iter().map(lamp).collect(), inner.iter().map(branch).collect());
+        choice.lamps = Lamps::new(&lamps, &inner_nodes);
         let from = leaves.len().next_multiple_of(LANES);
         let numbered = (0..).zip(&leaves).chain((from..).zip(&inner));
         choice.starts = numbered.map(|(group, &node)| (tree.node(node).places().start, group)).collect();
         choice.starts.sort_unstable();
         choice.nodes = leaves;
+        // Lanes without a lamp are dark and never chosen.
         choice.nodes.resize(from, 0);
         choice.nodes.extend(inner);
         choice
@@ -186,11 +209,11 @@ pub(super) fn one(place: usize) -> Range<u32> {
 }
 
 impl Lights {
-    /// Returns the branches of the tree that are weighed for each point.
-    pub(super) fn branches(&self) -> Vec<usize> {
+    /// Returns the branches of the tree that are weighed for each point where nothing is known of them.
+    fn branches(&self) -> Vec<usize> {
         let Some(tree) = &self.tree else { return Vec::new() };
         let mut branches = vec![0];
-        let most = if self.near_count <= MOST_GROUPS { MOST_GROUPS } else { GROUPS_OF_MANY - LANES };
+        let most = if self.near_count <= MOST_GROUPS { MOST_GROUPS } else { GROUPS_OF_MANY };
         tree.split(&mut branches, most, |node| (node.flux * node.shape.radius_sq.sqrt()).max(f32::MIN_POSITIVE));
         branches
     }
@@ -211,13 +234,20 @@ impl Lights {
         }
     }
 
-    /// Returns the flux of a light, summed over the channels.
-    pub(super) fn flux_sum(&self, light: usize) -> f64 {
-        self.light(light).flux(&self.everything).as_dvec3().element_sum()
+    /// Returns the flux of a light at infinity for each square metre of the cross-section of the scene, summed over the
+    /// channels: finite where the flux is not.
+    fn far_flux(&self, light: usize) -> f64 {
+        match self.light(light) {
+            Light::Punctual(PunctualLight::Directional { irradiance, .. }) => irradiance.as_dvec3().element_sum(),
+            Light::Environment(light) => light.integral().as_dvec3().element_sum(),
+            _ => unreachable!("a lamp is not at infinity"),
+        }
     }
 
-    /// Returns the irradiance that the lights at infinity bring to a surface that faces them, summed over the channels.
+    /// Returns the irradiance that the lights at infinity bring to a surface that faces them, summed over the channels;
+    /// of surroundings as if they were even.
     fn far_irradiance(&self) -> f64 {
-        self.far_places().map(|light| self.light(light).far_irradiance()).sum()
+        let share = |light| if matches!(self.light(light), Light::Environment(_)) { 0.25 } else { 1.0 };
+        self.far_places().map(|light| share(light) * self.far_flux(light)).sum()
     }
 }

@@ -59,20 +59,13 @@ struct Branch {
     intensity: Lanes,
 }
 
-impl Default for Lamps {
-    fn default() -> Self {
-        Self::new(&[], &[])
-    }
-}
-
 impl Lamps {
-    /// Up to [`MOST_GROUPS`] of both, and less by the rest of a block.
+    /// Up to [`MOST_BLOCKS`] of both.
     pub(super) fn new(lamps: &[Emitter], branches: &[Node]) -> Self {
-        Self {
-            single: lamps.chunks(LANES).map(Block::of_lamps).collect(),
-            branches: branches.chunks(LANES).map(Block::of_branches).collect(),
-            level: Level::new(),
-        }
+        let single: Vec<_> = lamps.chunks(LANES).map(Block::of_lamps).collect();
+        let branches: Vec<_> = branches.chunks(LANES).map(Block::of_branches).collect();
+        assert!(single.len() + branches.len() <= MOST_BLOCKS, "no lamp may be left out");
+        Self { single, branches, level: Level::new() }
     }
 
     /// Returns the irradiance that the groups of each block may bring to `p` together, summed over the channels.
@@ -116,7 +109,7 @@ fn vectors<T>(items: &[T], value: impl Fn(&T) -> [f32; 3]) -> [Lanes; 3] {
     [0, 1, 2].map(|axis| lanes(items, |item| value(item)[axis]))
 }
 
-/// Returns the sum, in the order of instructions that add lanes.
+/// Returns the sum: halves first, which takes fewer instructions than one after the other.
 #[inline(always)]
 fn sum_of(lanes: Lanes) -> f32 {
     let half: [f32; 4] = std::array::from_fn(|i| lanes[i] + lanes[i + 4]);

@@ -1,18 +1,21 @@
 //! Which lights reach a place, by samples that were taken around it.
 //!
 //! ```text
-//! weight = FLOOR + sqrt(mean of x^2) / mean over the groups of that root
+//! weight = FLOOR + sqrt((sum of x^2 / mean^2 + PRIOR) / (samples + PRIOR))
+//! mean   = sum over all groups of sqrt(samples sum of x^2) / all samples
 //! ```
 //!
-//! x is what a sample of a group of lights counts: what its light brings, over the density of the sample. What the
-//! group may bring times the root would leave the least noise of all choices that know no more of a point. FLOOR keeps
-//! what the samples missed. A group is a lamp, a light at infinity, or a branch of the tree; those branches whose lamps
-//! brought most are split until the lamps that matter are by themselves.
+//! x is what a sample of a group of lights counts: what its light brings, over the density of the sample; about mean in
+//! the mean. What each lamp may bring, times the root of the mean square of x, would leave the least noise of all
+//! choices that know no more of a point. FLOOR keeps what the samples missed. A group is a lamp, a light at infinity,
+//! or a branch of the tree; those branches whose lamps brought most are split until the lamps that matter are by
+//! themselves.
 //!
 //! # Source
 //! Vevoda, Kondapaneni, Krivanek 2018: Bayesian Online Regression for Adaptive Direct Illumination Sampling, for groups
 //! of lights that are weighed by what their samples found. Rath et al. 2020: Variance-Aware Path Guiding, for the root
-//! of the second moment.
+//! of the second moment. We depart from the first in that nothing is learnt while the picture is made, and the groups
+//! of each place are its own.
 
 use std::ops::Range;
 
@@ -26,7 +29,7 @@ const FLOOR: f64 = 0.5;
 /// Samples of each group that count as if they had found the mean.
 const PRIOR: f64 = 1.0;
 
-/// What samples of one light have found around a place.
+/// What samples of one light, chosen as [`Lights::seen_from`] does, have found around a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightLesson {
     /// Below [`Lights::count`].
@@ -34,16 +37,16 @@ pub struct LightLesson {
     /// Number of samples, or the sum of their weights.
     pub count: f32,
     /// Sum over them of the square of what each counts: what the light brought, 0 where something stood between, over
-    /// the density of the sample.
+    /// the density of the sample. In any unit, the same for all lessons.
     pub moment: f32,
 }
 
 impl Lights {
     /// Returns how lights are to be chosen at a place, by what samples have found around it; `None` where none found
-    /// any light. A light may have several lessons or none.
+    /// any light, or more than numbers can tell. A light may have several lessons or none.
     ///
     /// # Panics
-    /// If a lesson is of no light.
+    /// If a lesson is of no light, or its count or moment below 0.
     ///
     /// # Example
     ///
@@ -64,7 +67,11 @@ impl Lights {
     #[must_use]
     pub fn learnt_choice(&self, lessons: &[LightLesson]) -> Option<LightChoice> {
         let learnt = Learnt::new(self, lessons);
-        let mut branches = self.branches();
+        let all = learnt.all();
+        if all.moment == 0.0 {
+            return None;
+        }
+        let mut branches = self.even.branches();
         if let Some(tree) = &self.tree {
             // Lamps and branches fill their last blocks each.
             tree.split(&mut branches, MOST_GROUPS - LANES, |node| narrow(learnt.of(node.places()).root));
@@ -72,7 +79,7 @@ impl Lights {
         let near = self.tree.iter().flat_map(|tree| branches.iter().map(|&branch| tree.node(branch).places()));
         let groups = near.chain(self.far_places().map(one));
         let roots: f64 = groups.map(|places| learnt.of(places).root_of_all()).sum();
-        let mean = roots / learnt.count();
+        let mean = roots / all.count;
         (mean > 0.0 && mean.is_finite()).then(|| {
             LightChoice::weighted(self, &branches, |places| {
                 let Sum { count, moment, .. } = learnt.of(places);
@@ -114,6 +121,7 @@ impl Learnt {
         for of_light in lessons.chunk_by(|a, b| a.0 == b.0) {
             let mut light = Sum::default();
             for (_, lesson) in of_light {
+                assert!(!(lesson.count < 0.0 || lesson.moment < 0.0), "sums are not negative: {lesson:?}");
                 light.count += f64::from(lesson.count);
                 light.moment += f64::from(lesson.moment);
             }
@@ -126,8 +134,8 @@ impl Learnt {
     }
 
     /// Of all lights.
-    fn count(&self) -> f64 {
-        self.sums[self.places.len()].count
+    fn all(&self) -> Sum {
+        self.sums[self.places.len()]
     }
 
     /// Of the lights at some places.

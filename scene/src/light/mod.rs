@@ -1,9 +1,9 @@
 //! What shines, and how to find it: choosing a light for a point, and light for a photon.
 //!
 //! A light is chosen, then a direction to it: by what each may bring to the point, and where it was learnt by whether
-//! it does. Of many lamps groups are chosen, and within them by a tree. Two triangles that make a rectangle are one light. Everything that a ray can also meet by chance has
-//! a density that [`Lights::pdf_surface`] and [`Lights::pdf_environment`] give for any direction, so that both ways
-//! combine (Veach 1997).
+//! it does. Of many lamps groups are chosen, and within them by a tree. Two triangles that make a rectangle are one
+//! light. Everything that a ray can also meet by chance has a density that [`Lights::pdf_surface`] and
+//! [`Lights::pdf_environment`] give for any direction, so that both ways combine (Veach 1997).
 
 mod areas;
 mod chances;
@@ -146,7 +146,7 @@ impl Lights {
             environment: environment.and_then(EnvironmentLight::new),
             choice: Choice::default(),
             tree: None,
-            even: LightChoice::default(),
+            even: LightChoice::empty(),
             near_count,
             place_matters: false,
             total_flux: Vec3::ZERO,
@@ -165,11 +165,12 @@ impl Lights {
 
     /// Sets what follows from how bright the lights are.
     fn weigh(&mut self) {
-        self.choice = Choice::new((0..self.count()).map(|light| self.flux_sum(light)));
+        let fluxes: Vec<_> =
+            (0..self.count()).map(|light| self.light(light).flux(&self.everything).as_dvec3()).collect();
+        self.choice = Choice::new(fluxes.iter().map(|flux| flux.element_sum()));
         self.even = LightChoice::even(self);
         self.place_matters = self.near_count > 0 && self.has_choice();
-        let fluxes = (0..self.count()).map(|light| self.light(light).flux(&self.everything).as_dvec3());
-        self.total_flux = fluxes.sum::<glam::DVec3>().as_vec3();
+        self.total_flux = fluxes.into_iter().sum::<glam::DVec3>().as_vec3();
     }
 
     /// Whether nothing shines that could be chosen.
@@ -245,7 +246,11 @@ impl Lights {
         SeenLights::new(self, p, n, None)
     }
 
-    /// As [`Lights::seen_from`], but they are chosen by what was learnt of them, if anything was.
+    /// As [`Lights::seen_from`], but they are chosen by what was learnt of them, if anything was. Densities are those
+    /// of [`SeenLights::pdf_surface`] and [`SeenLights::pdf_environment`] then.
+    ///
+    /// # Panics
+    /// If the choice is one of another number of lights. It must be of these.
     #[inline]
     #[must_use]
     pub fn seen_by<'a>(&'a self, p: Vec3A, n: Vec3A, choice: Option<&'a LightChoice>) -> SeenLights<'a> {
@@ -271,29 +276,7 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn pdf_surface(&self, p: Vec3A, wi: Vec3A, surface: &Surface) -> f32 {
-        if !surface.front {
-            return 0.0;
-        }
-        let chances = Chances::new(self, p);
-        let chances = chances.as_ref();
-        let primitive = surface.primitive;
-        let rectangle = self.rectangles.partition_point(|light| light.primitive <= primitive).wrapping_sub(1);
-        if let Some(light) = self.rectangles.get(rectangle)
-            && primitive - light.primitive < 2
-        {
-            return light.pdf(p, wi, surface) * self.probability(chances, rectangle);
-        }
-        if let Ok(index) = self.triangles.binary_search_by_key(&primitive, |light| light.primitive) {
-            return self.triangles[index].pdf(p, wi, surface)
-                * self.probability(chances, self.rectangles.len() + index);
-        }
-        match self.forms.binary_search_by_key(&primitive, |light| light.primitive) {
-            Ok(index) => {
-                self.forms[index].pdf(p, wi)
-                    * self.probability(chances, self.rectangles.len() + self.triangles.len() + index)
-            }
-            Err(_) => 0.0,
-        }
+        SeenLights::new(self, p, Vec3A::ZERO, None).pdf_surface(wi, surface)
     }
 
     /// Returns the density of [`Lights::sample`] at `p` for a direction in which a ray from there met nothing, per
@@ -301,10 +284,7 @@ impl Lights {
     #[inline]
     #[must_use]
     pub fn pdf_environment(&self, p: Vec3A, wi: Vec3A) -> f32 {
-        match &self.environment {
-            Some(light) => light.pdf(wi) * self.probability(Chances::new(self, p).as_ref(), self.count() - 1),
-            None => 0.0,
-        }
+        SeenLights::new(self, p, Vec3A::ZERO, None).pdf_environment(wi)
     }
 
     /// Returns, for each light in turn, below which `u_choice` [`Lights::emit`] chooses it or one before it; the last
@@ -442,16 +422,6 @@ impl Light<'_> {
             Self::Form(light) => light.flux(),
             Self::Punctual(light) => punctual::flux(light, target),
             Self::Environment(light) => light.flux(target),
-        }
-    }
-
-    /// Returns the irradiance that a light at infinity brings to a surface that faces it, summed over the channels; of
-    /// surroundings as if they were even.
-    fn far_irradiance(&self) -> f64 {
-        match self {
-            Self::Punctual(PunctualLight::Directional { irradiance, .. }) => irradiance.as_dvec3().element_sum(),
-            Self::Environment(light) => 0.25 * light.integral().as_dvec3().element_sum(),
-            _ => unreachable!("what a lamp brings depends on the place"),
         }
     }
 

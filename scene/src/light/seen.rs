@@ -8,7 +8,7 @@ use super::form::FormLight;
 use super::rectangle::SeenRectangle;
 use super::triangle::SeenTriangle;
 use super::{Light, LightSample, Lights, is_over_horizon, punctual};
-use crate::PunctualLight;
+use crate::{PunctualLight, Surface};
 
 /// The lights as one point sees them: what directions to the same light have in common is found once.
 ///
@@ -32,7 +32,7 @@ pub struct SeenLights<'a> {
     lights: &'a Lights,
     p: Vec3A,
     n: Vec3A,
-    /// By which lights are chosen, if it matters from where.
+    /// By which lights are chosen, if it matters from where or anything was learnt.
     chances: Option<Chances<'a>>,
     /// The light of the last direction and its index.
     last: Option<(usize, SeenLight<'a>)>,
@@ -53,11 +53,12 @@ enum SeenLight<'a> {
 impl<'a> SeenLights<'a> {
     #[inline]
     pub(super) fn new(lights: &'a Lights, p: Vec3A, n: Vec3A, choice: Option<&'a LightChoice>) -> Self {
+        assert!(choice.is_none_or(|choice| choice.is_of(lights)), "this choice is of other lights");
         let choice = choice.or(lights.place_matters.then_some(&lights.even));
-        Self { lights, p, n, chances: choice.map(|choice| Chances::by(choice, p)), last: None }
+        Self { lights, p, n, chances: choice.map(|choice| Chances::new(choice, p)), last: None }
     }
 
-    /// Chooses a light and a direction to it, as [`Lights::sample`] does.
+    /// Chooses a light and a direction to it, as [`Lights::sample`] does where nothing was learnt.
     #[inline]
     #[must_use]
     pub fn sample(&mut self, u_choice: f32, u: Vec2) -> Option<LightSample> {
@@ -88,6 +89,44 @@ impl<'a> SeenLights<'a> {
     #[must_use]
     pub fn sample_one(&mut self, light: usize, probability: f32, u: Vec2) -> Option<LightSample> {
         self.direction_to_one(light, probability, u)?.sample()
+    }
+
+    /// Returns the density of [`SeenLights::sample`] for the direction `wi` in which a ray from the point met
+    /// `surface`, per steradian: that of [`Lights::pdf_surface`] by this choice of lights.
+    #[inline]
+    #[must_use]
+    pub fn pdf_surface(&self, wi: Vec3A, surface: &Surface) -> f32 {
+        let Self { lights, p, .. } = *self;
+        if !surface.front {
+            return 0.0;
+        }
+        let primitive = surface.primitive;
+        let rectangle = lights.rectangles.partition_point(|light| light.primitive <= primitive).wrapping_sub(1);
+        if let Some(light) = lights.rectangles.get(rectangle)
+            && primitive - light.primitive < 2
+        {
+            return light.pdf(p, wi, surface) * self.probability(rectangle);
+        }
+        let triangles = lights.rectangles.len();
+        if let Ok(index) = lights.triangles.binary_search_by_key(&primitive, |light| light.primitive) {
+            return lights.triangles[index].pdf(p, wi, surface) * self.probability(triangles + index);
+        }
+        let forms = triangles + lights.triangles.len();
+        match lights.forms.binary_search_by_key(&primitive, |light| light.primitive) {
+            Ok(index) => lights.forms[index].pdf(p, wi) * self.probability(forms + index),
+            Err(_) => 0.0,
+        }
+    }
+
+    /// Returns the density of [`SeenLights::sample`] for a direction in which a ray from the point met nothing, per
+    /// steradian: that of [`Lights::pdf_environment`] by this choice of lights.
+    #[inline]
+    #[must_use]
+    pub fn pdf_environment(&self, wi: Vec3A) -> f32 {
+        match &self.lights.environment {
+            Some(light) => light.pdf(wi) * self.probability(self.lights.count() - 1),
+            None => 0.0,
+        }
     }
 
     /// As [`SeenLights::sample`], but what the light sends is not looked up yet.

@@ -2,7 +2,8 @@
 //! time.
 //!
 //! ```text
-//! importance = flux max(0, cos(theta - theta_o - theta_b)) / (d^2 + r^2 / 20),    inside of the sphere 2 flux / (d^2 + r^2 / 20)
+//! importance = flux max(0, cos(theta - theta_o - theta_b)) / (d^2 + r^2 / 20)
+//!              flux 2 / (d^2 + r^2 / 20)                                          inside of the sphere
 //! ```
 //!
 //! d is the distance to the centre of the sphere around a node's lights and r its radius; theta the angle between the
@@ -180,6 +181,7 @@ impl LightTree {
         let mut probability = 1.0;
         let mut index = self.leaves[light] as usize;
         while index != branch {
+            debug_assert!(index != 0, "the light is below the branch");
             let parent = &self.nodes[self.nodes[index].parent as usize];
             let Some(first) = self.share(parent, p) else { return 0.0 };
             probability *= if index == parent.child as usize { first } else { 1.0 - first };

@@ -93,17 +93,20 @@ fn tells_what_it_chooses(lights: &SeenLights<'_>, count: usize, name: &str) {
         assert!((probability - told).abs() <= 1e-5 * told, "{name}: {probability} is not {told}");
         found[light] += 1.0 / 4096.0;
     }
-    for (light, found) in found.into_iter().enumerate() {
+    let told = |light: usize| f64::from(lights.probability(light));
+    for (light, &found) in found.iter().enumerate() {
         // A stretch of the numbers has two ends.
-        let expected = f64::from(lights.probability(light));
-        assert!((found - expected).abs() < 2.0 / 4096.0, "{name}, {light}: {found}, {expected}");
+        assert!((found - told(light)).abs() < 2.0 / 4096.0, "{name}, {light}: {found}, {}", told(light));
     }
+    // Of many each has less than that. What is told and not found would be lost.
+    let (told, found) = ((0..count).map(told).sum::<f64>(), found.iter().sum::<f64>());
+    assert!(told < 1.0 + 1e-5 && (told - found).abs() < 0.01, "{name}: {told} is told, {found} found");
 }
 
 #[test]
 fn whatever_is_chosen_has_the_probability_that_is_told() {
-    // Each by itself, and in groups.
-    for count in [5, 100, 127, 200, 1000] {
+    // Each by itself, up to 128 with the ball and the point; and in groups.
+    for count in [5, 100, 126, 127, 200, 1000] {
         let scene = mixed(&many(count), 1.0, 0.1);
         let lights = scene.lights();
         let lessons: Vec<LightLesson> = (0..lights.count())
@@ -149,6 +152,38 @@ fn what_was_seen_is_chosen_and_nothing_is_left_out() {
 }
 
 #[test]
+fn a_sun_that_is_hidden_is_seldom_chosen() {
+    let sun = |x: f32| PunctualLight::Directional { direction: Vec3::new(x, 0.0, -1.0), irradiance: Vec3::ONE };
+    let description = Description {
+        meshes: vec![squares(&[(Vec3::Z, 0.5)])],
+        materials: vec![emitter(1.0)],
+        lights: vec![sun(0.0), sun(1.0)],
+        environment: Some(Environment::constant(Vec3::splat(0.3))),
+        ..Description::default()
+    };
+    let scene = Scene::new(description).expect("a right scene");
+    let (lights, p) = (scene.lights(), Vec3A::ZERO);
+    // The lamp, both suns, the sky: of the second sun nothing was seen.
+    let lessons: Vec<LightLesson> =
+        (0..4).map(|light| LightLesson { light, count: 100.0, moment: if light == 2 { 0.0 } else { 100.0 } }).collect();
+    let choice = lights.learnt_choice(&lessons).expect("there is light");
+    let (blind, learnt) = (lights.seen_from(p, Vec3A::Z), lights.seen_by(p, Vec3A::Z, Some(&choice)));
+    tells_what_it_chooses(&learnt, 4, "suns");
+    assert!(learnt.probability(2) < 0.6 * blind.probability(2), "the hidden sun");
+    for light in [0, 1, 3] {
+        assert!(learnt.probability(light) > blind.probability(light), "{light} is seen");
+    }
+}
+
+#[test]
+#[should_panic(expected = "of other lights")]
+fn a_choice_of_other_lights_is_refused() {
+    let (few, more) = (mixed(&many(20), 1.0, 0.1), mixed(&many(30), 1.0, 0.1));
+    let choice = few.lights().learnt_choice(&[LightLesson { light: 0, count: 1.0, moment: 1.0 }]);
+    let _ = more.lights().seen_by(Vec3A::ZERO, Vec3A::Z, choice.as_ref());
+}
+
+#[test]
 fn nothing_is_learnt_of_darkness() {
     let scene = mixed(&many(20), 1.0, 0.1);
     let lights = scene.lights();
@@ -156,7 +191,12 @@ fn nothing_is_learnt_of_darkness() {
     let dark = LightLesson { light: 3, count: 10.0, moment: 0.0 };
     assert!(lights.learnt_choice(&[dark]).is_none(), "no light");
     assert!(lights.learnt_choice(&[LightLesson { moment: f32::INFINITY, ..dark }]).is_none(), "no number");
-    // Of what there is no lesson nothing changes: all are as likely to be seen.
+}
+
+#[test]
+fn equal_lessons_change_nothing() {
+    let scene = mixed(&many(20), 1.0, 0.1);
+    let lights = scene.lights();
     let all: Vec<LightLesson> =
         (0..lights.count()).map(|light| LightLesson { light, count: 1.0, moment: 2.0 }).collect();
     let choice = lights.learnt_choice(&all).expect("there is light");
@@ -173,13 +213,17 @@ fn rays_that_meet_a_light_know_its_density() {
     let scene = mixed(&[(Vec3::new(0.5, 0.0, 1.0), 1.0), (Vec3::new(-2.0, 0.0, 3.0), 0.7)], 0.0, 0.25);
     let lights = scene.lights();
     let (p, mut random) = (Vec3A::new(-0.3, 0.2, 0.1), Random(4));
+    let lesson = LightLesson { light: 1, count: 10.0, moment: 10.0 };
+    let learnt = lights.learnt_choice(&[lesson]).expect("there is light");
     let (mut lamps, mut skies) = (0, 0);
-    for _ in 0..2000 {
-        let Some(s) = lights.sample(p, Vec3A::Z, random.next(), random.pair()) else { continue };
+    for number in 0..4000 {
+        let choice = Some(&learnt).filter(|_| number % 2 == 0);
+        let mut seen = lights.seen_by(p, Vec3A::Z, choice);
+        let Some(s) = seen.sample(random.next(), random.pair()) else { continue };
         let ray = Ray::new(p, s.wi);
         let (pdf, distance) = match scene.intersect(&ray) {
-            Some(hit) => (lights.pdf_surface(p, s.wi, &scene.surface(&ray, &hit)), hit.t),
-            None => (lights.pdf_environment(p, s.wi), f32::INFINITY),
+            Some(hit) => (seen.pdf_surface(s.wi, &scene.surface(&ray, &hit)), hit.t),
+            None => (seen.pdf_environment(s.wi), f32::INFINITY),
         };
         // Others may stand before the one that was chosen, and a ray to the very edge may miss.
         if distance == s.distance || (distance - s.distance).abs() < 1e-4 * distance {

@@ -3,7 +3,7 @@
 use std::iter::zip;
 
 use glam::{UVec2, Vec3, Vec3A};
-use scene::{Bsdf, Lights, Lobes, Scene, Specular, Surface};
+use scene::{Bsdf, Lobes, Scene, Specular, Surface};
 
 use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Secondary, Shading};
@@ -161,9 +161,10 @@ impl Group<'_> {
             let is_met_near = |width: f32| met.is_some_and(|met| is_near(met.surface.p, width));
             let gloss = met.and_then(|met| width(&met.bsdf));
             if is_alone || gloss.is_some_and(|width| is_met_near(GLOSS * width)) {
-                lights[found.from].add(&direct.light_of(&shadings[found.from], &found.way, &found.sight));
+                let position = self.points[found.from].1.position;
+                lights[found.from].add(&direct.light_of(&shadings[found.from], position, &found.way, &found.sight));
             } else if found.sight.emitted + found.sight.reflected() != Vec3::ZERO {
-                self.weigh(direct.scene.lights(), shadings, &found.sight, &mut values);
+                self.weigh(direct, shadings, &found.sight, &mut values);
                 if is_hiding || is_met_near(hiding) {
                     self.hide(direct.scene, shadings, found, &mut values, rays);
                 }
@@ -173,9 +174,16 @@ impl Group<'_> {
     }
 
     /// Finds what each point makes of what one sample saw.
-    fn weigh(&self, sources: &Lights, shadings: &[Shading], sight: &Sight, values: &mut [Value]) {
+    fn weigh<S: Secondary>(
+        &self,
+        direct: &DirectTerm<'_, S>,
+        shadings: &[Shading],
+        sight: &Sight,
+        values: &mut [Value],
+    ) {
         let reflected_along = sight.reflected_along();
-        for (Shading { surface, frame, bsdf, wo }, value) in zip(shadings, values) {
+        for ((_, point), (shading, value)) in zip(&self.points, zip(shadings, values)) {
+            let Shading { surface, frame, bsdf, wo } = shading;
             *value = Value::default();
             // From solid angles to areas of the surface that was met; the surroundings are met in the same direction.
             let (wi, area) = sight.met.as_ref().map_or((sight.wi, 1.0), |met| {
@@ -191,7 +199,7 @@ impl Group<'_> {
                 continue;
             }
             let weight = f * (local.z * area);
-            let emitted = sight.emitted_to(sources, surface.p, wi, pdf);
+            let emitted = sight.emitted_to(|| direct.lights_of_gloss(shading, point.position), wi, pdf);
             let light = Light { direct: weight * emitted, specular: weight * reflected_along(wi) };
             *value = Value { density: self.density(pdf, local) * area, light };
         }
