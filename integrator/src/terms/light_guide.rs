@@ -40,8 +40,8 @@ struct Lesson {
 }
 
 impl LightGuide {
-    /// Learns from `side` x `side` primary rays of a picture of `size` pixels; `None` where there is
-    /// nothing to choose, and where they find no surface that takes a guide.
+    /// Learns from `side` x `side` primary rays of a picture of `size` pixels; `None` where there is nothing to choose,
+    /// and where they find no surface that takes a guide.
     pub(crate) fn learn(
         scene: &Scene,
         sky: Option<&SkySplit>,

@@ -80,17 +80,6 @@ impl<'a> SeenLights<'a> {
         self.lights.probability(self.chances.as_ref(), light)
     }
 
-    /// Chooses a direction to one light, which was chosen with a `probability` that the density is to contain: for
-    /// whoever knows more of the lights than [`SeenLights::choose`]. `None` where it cannot light the surface.
-    ///
-    /// # Panics
-    /// If there is no such light.
-    #[inline]
-    #[must_use]
-    pub fn sample_one(&mut self, light: usize, probability: f32, u: Vec2) -> Option<LightSample> {
-        self.direction_to_one(light, probability, u)?.sample()
-    }
-
     /// Returns the density of [`SeenLights::sample`] for the direction `wi` in which a ray from the point met
     /// `surface`, per steradian: that of [`Lights::pdf_surface`] by this choice of lights.
     #[inline]
@@ -150,7 +139,8 @@ impl<'a> SeenLights<'a> {
         self.direction_to_one(light, probability, u)
     }
 
-    /// As [`SeenLights::sample_one`], but what the light sends is not looked up yet.
+    /// Chooses a direction to one light, which was chosen with a `probability` that the density is to contain; what the
+    /// light sends is not looked up yet. `None` where it cannot light the surface.
     ///
     /// # Panics
     /// If there is no such light.
