@@ -2,9 +2,9 @@
 //! look-up.
 //!
 //! Probe paths from the picture find the surfaces that count. They are divided into cells, cubes of a grid times six
-//! directions of the normal. Each cell holds a few points; from these, light sampling gives its direct light, and
-//! cosine-distributed rays link it to the cells that they meet, through mirrors, glass and gloss. The system of the
-//! links,
+//! directions of the normal; smaller ones where something stands in them. Each cell holds a few points; from these,
+//! light sampling gives its direct light, and cosine-distributed rays link it to the cells that they meet, through
+//! mirrors, glass and gloss. The system of the links,
 //!
 //! ```text
 //! E_i = D_i + sum_j W_ij E_j,     W_ij = throughput x albedo_j / number of rays of i
@@ -18,46 +18,34 @@
 //! hashing", for the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one
 //! may fall behind a wall.
 
+mod probe;
 mod solve;
 mod table;
 
-use glam::{IVec3, UVec2, Vec2, Vec3, Vec3A};
+use glam::{IVec3, UVec2, Vec3, Vec3A};
+use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Bsdf, Lobes, Ray, Scene, Specular, Surface};
+use scene::{Bsdf, Lobes, Scene, Specular, Surface};
 
+use self::probe::{FoundCell, LEVELS, Probes, Slab, width_on};
 use self::solve::{CellLight, Row, solve};
 use self::table::Table;
 use crate::Irradiance;
 use crate::photons::PhotonSource;
-use crate::sampler::{Sampler, hash, hash_pair, in_cell};
+use crate::sampler::{Sampler, hash, hash_pair};
 use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
-use crate::statistics::{RayCounts, map_counting};
+use crate::statistics::RayCounts;
 use crate::walk::{Taken, Visitor, walk};
 
-/// Probe rays along a side of the picture, and bounces of each of their gather rays.
-const PROBE_SIDE: u32 = 48;
-const PROBE_BOUNCES: u32 = 3;
-
-/// Width of a cell as a share of the median distance of what gather rays meet.
-const WIDTH_SHARE: f32 = 0.06;
-
-/// Points that stand for a cell, and those that must see each other for it to hold one light; the two outermost come on
-/// top.
+/// Points that stand for a cell.
 const MAX_POINTS: usize = 4;
-const MAX_WITNESSES: usize = 12;
-
-/// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
-const MAX_WALK: u32 = 64;
 
 /// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own
 /// cell; no link has more throughput. Radiance that leaves a medium rises by the square of its refractive index, 5.9 in
 /// diamond, so hardly anything else comes to this bound: what is within a body of a higher index gets too little of the
 /// light outside. And of the eight rays of a cell or more one cannot bring more light than the cell sent.
 const MAX_THROUGHPUT: f32 = 6.0;
-
-/// How far a surface may be out of what the probes met of its cell, along the normal, as a share of the width.
-const SLAB_MARGIN: f32 = 0.1;
 
 /// Hits nearer than this many widths of a cell are not looked up.
 const RESOLUTION_FACTOR: f32 = 2.0;
@@ -71,46 +59,12 @@ pub(crate) struct Cells {
     cells: Vec<Cell>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 struct Cell {
+    /// Metres.
+    width: f32,
     slab: Slab,
     light: CellLight,
-}
-
-/// The layer of space that the surface of a cell lies in. Behind it there may be another sheet of the same key, with
-/// quite other light.
-#[derive(Debug, Clone, Copy)]
-struct Slab {
-    normal: Vec3,
-    /// Of the middle along the normal, metres.
-    offset: f32,
-    /// Half of the thickness, metres.
-    reach: f32,
-}
-
-impl Slab {
-    /// Returns the slab that holds surfaces and `margin` metres beyond them, and the numbers of the lowest and the
-    /// highest surface along its normal.
-    fn around<'a>(surfaces: impl Iterator<Item = &'a Surface> + Clone, margin: f32) -> (Self, [usize; 2]) {
-        let normal: Vec3 = surfaces.clone().map(|surface| surface.ng).sum::<Vec3A>().normalize_or(Vec3A::Y).into();
-        let mut range = [(f32::INFINITY, 0), (f32::NEG_INFINITY, 0)];
-        for (number, surface) in surfaces.enumerate() {
-            let height = normal.dot(surface.p.into());
-            if height < range[0].0 {
-                range[0] = (height, number);
-            }
-            if height > range[1].0 {
-                range[1] = (height, number);
-            }
-        }
-        let [(low, lowest), (high, highest)] = range;
-        (Self { normal, offset: 0.5 * (low + high), reach: 0.5 * (high - low) + margin }, [lowest, highest])
-    }
-
-    #[inline]
-    fn holds(&self, p: Vec3A) -> bool {
-        (self.normal.dot(p.into()) - self.offset).abs() <= self.reach
-    }
 }
 
 /// What cells are made from.
@@ -129,27 +83,21 @@ pub(crate) struct CellBuilder<'a> {
 impl CellBuilder<'_> {
     /// Finds the cells and solves for their light.
     pub(crate) fn build(&self, size: UVec2, rays: &mut RayCounts) -> Cells {
-        let hits = self.probe(size, rays);
-        let mut distances: Vec<f32> =
-            hits.par_iter().flatten_iter().filter(|hit| hit.1).map(|hit| hit.0.surface.t).collect();
-        if distances.is_empty() {
-            return Cells::default();
-        }
-        let middle = distances.len() / 2;
-        let width = WIDTH_SHARE * *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
-        // A cell that something divides is left out: its mean light would be that of neither side.
-        let found: Vec<Found> = sort_into_cells(&hits, width)
-            .into_par_iter()
-            .filter(|found| !self.is_divided(&found.witnesses, width))
-            .collect();
-        let table = Table::new(found.iter().map(|found| found.key));
-        let dark = |found: &Found| Cell { slab: found.slab, light: CellLight::default() };
-        let mut cells = Cells { width, table, cells: found.iter().map(dark).collect() };
-        let ray_count = (self.ray_budget as usize / found.len().max(1)).clamp(8, 256);
+        let probes = Probes { scene: self.scene, seed: self.seed, rays: self.probe_rays };
+        let Some(found) = probes.find(size, rays) else { return Cells::default() };
+        let table = Table::new(found.cells.iter().map(|cell| cell.key), &found.cut);
+        let dark = |cell: &FoundCell| Cell { width: cell.width, slab: cell.slab, light: CellLight::default() };
+        let mut cells = Cells { width: found.width, table, cells: found.cells.iter().map(dark).collect() };
+        let found = found.cells;
+        // What is met more often gets more rays: the noise of its links counts more often.
+        let hits: usize = found.iter().map(|cell| cell.hits).sum();
+        let budget = self.ray_budget as usize;
+        let ray_count =
+            |cell: &FoundCell| (budget / (2 * found.len()) + budget * cell.hits / (2 * hits)).clamp(8, 1024);
         let rows: Vec<Row> = found
             .par_iter()
             .enumerate()
-            .map(|(cell, found)| self.row(&cells, cell as u64, &found.witnesses, ray_count))
+            .map(|(cell, found)| self.row(&cells, cell as u64, &found.witnesses, ray_count(found)))
             .collect();
         for row in &rows {
             *rays += row.rays;
@@ -160,64 +108,8 @@ impl CellBuilder<'_> {
         cells
     }
 
-    /// Diffuse surfaces that paths from the picture meet, those of each probe by themselves; with each, whether it is
-    /// the first of its path.
-    fn probe(&self, size: UVec2, rays: &mut RayCounts) -> Vec<Vec<(Shading, bool)>> {
-        map_counting((0..PROBE_SIDE * PROBE_SIDE).into_par_iter(), rays, |number, rays| {
-            let mut found = Vec::new();
-            let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
-            let film = in_cell(number, PROBE_SIDE, sampler.next_pair()) * size.as_vec2();
-            let ray = self.scene.camera_ray(film, size);
-            rays.camera += 1;
-            if let Some(seen) = self.to_diffuse(ray, &mut sampler, rays) {
-                for way in 0..self.probe_rays {
-                    let mut sampler = Sampler::new(self.seed, hash(u64::from(number)), way);
-                    self.probe_path(seen, &mut sampler, &mut found, rays);
-                }
-            }
-            found
-        })
-    }
-
-    fn probe_path(&self, from: Shading, sampler: &mut Sampler, found: &mut Vec<(Shading, bool)>, rays: &mut RayCounts) {
-        let mut at = from;
-        for bounce in 0..PROBE_BOUNCES {
-            sampler.start_bounce(bounce + 1);
-            let Some(ray) = at.cosine_ray(sampler.next_pair()) else { return };
-            rays.path += 1;
-            let Some(next) = self.to_diffuse(ray, sampler, rays) else { return };
-            found.push((next, bounce == 0));
-            at = next;
-        }
-    }
-
-    /// Follows a ray through mirrors, glass and gloss to the first surface with a diffuse part, as long as some light
-    /// comes along.
-    fn to_diffuse(&self, mut ray: Ray, sampler: &mut Sampler, rays: &mut RayCounts) -> Option<Shading> {
-        let mut beta = Vec3::ONE;
-        for _ in 0..MAX_WALK {
-            let hit = self.scene.intersect(&ray)?;
-            let surface = self.scene.surface(&ray, &hit);
-            beta *= self.scene.transmittance(&surface);
-            let shading = Shading::new(self.scene, surface, ray.direction);
-            if shading.bsdf.has_diffuse() {
-                return Some(shading);
-            }
-            let u = sampler.next_4d();
-            let sample = shading.bsdf.sample(Lobes::SPECULAR, shading.wo, u[0], Vec2::new(u[1], u[2]))?;
-            beta *= sample.weight;
-            let wi = shading.frame.to_world(sample.wi);
-            if !shading.leaves(wi, sample.wi) || beta.max_element() < 1e-4 {
-                return None;
-            }
-            rays.path += 1;
-            ray = shading.surface.spawn(wi);
-        }
-        None
-    }
-
-    fn row(&self, cells: &Cells, cell: u64, points: &[Shading], ray_count: usize) -> Row {
-        let points = &points[..points.len().min(MAX_POINTS)];
+    fn row(&self, cells: &Cells, cell: u64, points: &[Surface], ray_count: usize) -> Row {
+        let points: Vec<Shading> = points.iter().take(MAX_POINTS).map(white).collect();
         let mut row = Row {
             direct: Vec3::ZERO,
             source: Vec3::ZERO,
@@ -227,7 +119,7 @@ impl CellBuilder<'_> {
         };
         let share = 1.0 / ray_count as f32;
         for number in 0..ray_count {
-            let point = &white(&points[number % points.len()]);
+            let point = &points[number % points.len()];
             let number = u32::try_from(number).expect("at most 256");
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
@@ -251,60 +143,12 @@ impl CellBuilder<'_> {
                 row.direct += pi * soft_background(self.scene, self.sky, ray.direction);
             }
         }
-        for point in points {
+        for point in &points {
             row.caustic += self.photons.caustic_irradiance(&point.surface) / points.len() as f32;
         }
         row.source += row.caustic;
         row
     }
-
-    /// Whether some neighbours among the points of a cell do not see each other just above the surface: a wall stands
-    /// on it.
-    fn is_divided(&self, witnesses: &[Shading], width: f32) -> bool {
-        /// Height of the lines of sight as a share of the width of the cell.
-        const HEIGHT: f32 = 0.1;
-        witnesses.windows(2).any(|pair| {
-            let lifted = |point: &Shading| point.surface.p + HEIGHT * width * point.surface.ng;
-            let (from, to) = (lifted(&pair[0]), lifted(&pair[1]));
-            let ray = Ray { t_max: from.distance(to), ..Ray::new(from, (to - from).normalize_or(Vec3A::Z)) };
-            self.scene.occluded(&ray)
-        })
-    }
-}
-
-/// What is known of a cell before its light.
-struct Found {
-    key: u64,
-    /// The first hits in it, then the two that are farthest apart along its normal where that is more than two margins
-    /// of its slab.
-    witnesses: Vec<Shading>,
-    slab: Slab,
-}
-
-/// Finds the cells of hits.
-fn sort_into_cells(hits: &[Vec<(Shading, bool)>], width: f32) -> Vec<Found> {
-    // Keys with the numbers of their hits, so that sorting is the same for any number of threads.
-    let mut keys: Vec<(u64, u32, u32)> = hits
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(probe, found)| {
-            let number = |i: usize| u32::try_from(i).expect("there are fewer hits than 2^32");
-            found.iter().enumerate().map(move |(i, (hit, _))| (key(&hit.surface, width), number(probe), number(i)))
-        })
-        .collect();
-    keys.par_sort_unstable();
-    let hit = |&(_, probe, i): &(u64, u32, u32)| &hits[probe as usize][i as usize].0;
-    let find = |cell: &[(u64, u32, u32)]| {
-        let margin = SLAB_MARGIN * width;
-        let (slab, outermost) = Slab::around(cell.iter().map(|of_hit| &hit(of_hit).surface), margin);
-        let mut witnesses: Vec<Shading> = cell.iter().take(MAX_WITNESSES).map(hit).copied().collect();
-        if slab.reach > 2.0 * margin {
-            witnesses.extend(outermost.map(|number| *hit(&cell[number])));
-        }
-        Found { key: cell[0].0, witnesses, slab }
-    };
-    let cells: Vec<&[(u64, u32, u32)]> = keys.chunk_by(|a, b| a.0 == b.0).collect();
-    cells.into_par_iter().map(find).collect()
 }
 
 /// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
@@ -342,13 +186,18 @@ impl Cells {
     /// The light of the cell of a surface; `None` where there is no cell, one that something divides, or one of another
     /// sheet.
     pub(crate) fn look_up(&self, surface: &Surface) -> Option<Known> {
-        let CellLight { direct, indirect, .. } = self.cells[self.cell_of(surface)? as usize].light;
-        Some(Known { direct: Some(direct), indirect, resolution: RESOLUTION_FACTOR * self.width })
+        let Cell { width, light: CellLight { direct, indirect, .. }, .. } = self.cells[self.cell_of(surface)? as usize];
+        Some(Known { direct: Some(direct), indirect, resolution: RESOLUTION_FACTOR * width })
     }
 
     fn cell_of(&self, surface: &Surface) -> Option<u32> {
-        let cell = self.table.find(key(surface, self.width))?;
-        self.cells[cell as usize].slab.holds(surface.p).then_some(cell)
+        for level in 0..LEVELS {
+            let cell = self.table.find(key(surface, width_on(level, self.width), level))?;
+            if cell != Table::CUT {
+                return self.cells[cell as usize].slab.holds(surface.p).then_some(cell);
+            }
+        }
+        None
     }
 }
 
@@ -385,15 +234,16 @@ impl Secondary for CellSource<'_> {
 }
 
 /// A point with a white diffuse surface, to measure irradiance.
-fn white(point: &Shading) -> Shading {
-    Shading { bsdf: Bsdf { diffuse: Vec3::ONE, specular: Specular::None }, ..*point }
+fn white(surface: &Surface) -> Shading {
+    let bsdf = Bsdf { diffuse: Vec3::ONE, specular: Specular::None };
+    Shading { surface: *surface, frame: Frame::from_normal(surface.n), bsdf, wo: Vec3A::Z }
 }
 
-/// The cell of a place on a surface: the cube of the grid, and the axis nearest to the normal. Its upper bits are
-/// never 0.
-fn key(surface: &Surface, width: f32) -> u64 {
+/// The cell of a place on a surface: the level, the cube of its grid, and the axis nearest to the normal. Its upper bits
+/// are never 0.
+fn key(surface: &Surface, width: f32, level: u32) -> u64 {
     let cube: IVec3 = (surface.p / width).floor().as_ivec3();
-    let side = side_of(surface.ng) as u64;
+    let side = side_of(surface.ng) as u64 | u64::from(level) << 3;
     let bits = |x: i32| u64::from(x.cast_unsigned()) & 0x1f_ffff;
     hash(hash(bits(cube.x) | bits(cube.y) << 21 | bits(cube.z) << 42) ^ side) | 1 << 63
 }
@@ -409,4 +259,59 @@ pub(crate) fn side_of(n: Vec3A) -> usize {
         (2, n.z)
     };
     axis * 2 + usize::from(along > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::secondary::tests::square;
+    use crate::{PhotonMaps, PhotonSettings};
+    use glam::Vec2;
+    use scene::{Camera, Description, Material, Mesh, Ray};
+
+    #[test]
+    fn each_side_of_a_wall_has_its_own_light() {
+        // A low wall of paper on a floor under a ceiling, and a lamp on one side of it.
+        let wall = |x: f32| [(0.0, -2.0), (0.0, 2.0), (0.3, 2.0), (0.3, -2.0)].map(|(y, z)| Vec3::new(x, y, z));
+        let lamp = square(0.3, 0.3).map(|corner| corner + 1.5 * Vec3::NEG_X);
+        let mesh = Mesh {
+            positions: [square(2.0, 0.0), square(2.0, 1.0), wall(0.01), lamp].concat(),
+            triangles: (0..4).flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]]).collect(),
+            materials: vec![0, 0, 0, 0, 0, 0, 1, 1],
+            ..Mesh::default()
+        };
+        let lit = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
+        let eye = Vec3::new(0.0, 0.9, 1.9);
+        let camera = Camera { eye, at: Vec3::Y * 0.2, up: Vec3::Y, fov_y_degrees: 90.0 };
+        let scene = Scene::new(Description {
+            meshes: vec![mesh],
+            materials: vec![Material::default(), lit],
+            camera: Some(camera),
+            ..Description::default()
+        })
+        .unwrap();
+        let maps = PhotonMaps::shoot(&scene, &PhotonSettings { global: false, caustic: false, ..Default::default() });
+        let photons = PhotonSource { maps: &maps, scene: &scene };
+        let builder = CellBuilder { scene: &scene, sky: None, photons, seed: 1, probe_rays: 24, ray_budget: 200_000 };
+        let cells = builder.build(UVec2::splat(16), &mut RayCounts::default());
+        // Light on the floor up to a cell away from the wall.
+        let direct = |side: f32| -> Vec<f32> {
+            let place = |i: u16| {
+                Vec2::new(
+                    0.01 + side * cells.width * (0.1 + 0.8 * f32::from(i % 8) / 7.0),
+                    f32::from(i / 8) / 8.0 - 1.0,
+                )
+            };
+            let surface = |p: Vec2| {
+                let ray = Ray::new(Vec3A::new(p.x, 0.2, p.y), Vec3A::NEG_Y);
+                scene.surface(&ray, &scene.intersect(&ray).unwrap())
+            };
+            (0..128).filter_map(|i| cells.look_up(&surface(place(i)))?.direct).map(|direct| direct.x).collect()
+        };
+        let (lit, dark) = (direct(-1.0), direct(1.0));
+        // Before cells were cut, none that the wall stands in was one.
+        assert!(lit.len() > 100 && dark.len() > 70, "{} and {} of 128", lit.len(), dark.len());
+        let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
+        assert!(mean(&dark) < 0.05 * mean(&lit), "{} and {}", mean(&dark), mean(&lit));
+    }
 }

@@ -10,13 +10,17 @@ pub(super) struct Table {
 
 impl Table {
     /// The lower bits, which hold the number.
-    const NUMBERS: u64 = (1 << 24) - 1;
+    const NUMBERS: u64 = Self::CUT as u64;
 
-    /// Numbers keys, each of which comes once; there are fewer than 2^24.
-    pub(super) fn new(keys: impl ExactSizeIterator<Item = u64>) -> Self {
-        assert!(keys.len() as u64 <= Self::NUMBERS, "probes find fewer cells");
-        let mut table = Self { slots: vec![0; (2 * keys.len() + 1).next_power_of_two()] };
-        for (key, number) in keys.zip(0u64..) {
+    /// The number of all keys whose cells are cut.
+    pub(super) const CUT: u32 = (1 << 24) - 1;
+
+    /// Numbers keys, each of which comes once and none among those that are `cut`; there are fewer than 2^24.
+    pub(super) fn new(keys: impl ExactSizeIterator<Item = u64>, cut: &[u64]) -> Self {
+        assert!((keys.len() as u64) < Self::NUMBERS, "probes find fewer cells");
+        let mut table = Self { slots: vec![0; (2 * (keys.len() + cut.len()) + 1).next_power_of_two()] };
+        let cut = cut.iter().map(|&key| (key, Self::NUMBERS));
+        for (key, number) in keys.zip(0u64..).chain(cut) {
             let slot = table.slot(key);
             table.slots[slot] = key & !Self::NUMBERS | number;
         }
@@ -56,9 +60,11 @@ mod tests {
         let crowded = |i: u64| i << 40 | 1 << 63 | 0xff_ffff;
         for key in [&unrelated as &dyn Fn(u64) -> u64, &crowded] {
             for count in [0, 1, 2, 7, 8, 1000] {
-                let table = Table::new((0..count).map(key).collect::<Vec<u64>>().into_iter());
+                let cut: Vec<u64> = (count..count + 5).map(key).collect();
+                let table = Table::new((0..count).map(key).collect::<Vec<u64>>().into_iter(), &cut);
                 for i in 0..count + 100 {
-                    let expected = (i < count).then(|| u32::try_from(i).unwrap());
+                    let number = if i < count { u32::try_from(i).unwrap() } else { Table::CUT };
+                    let expected = (i < count + 5).then_some(number);
                     assert_eq!(table.find(key(i)), expected, "key {i} of {count}");
                 }
             }
