@@ -63,6 +63,8 @@ pub(crate) struct Spread {
 /// So many samples of a pixel ask for caustics for each time that it is wider than the least of the discs by which they
 /// are blurred, up to a number.
 const LOOKS_PER_RADIUS: f32 = 4.0;
+/// A pixel is taken for no longer than its width over this cosine.
+const MIN_COS: f32 = 0.1;
 const MAX_LOOKS: f32 = 8.0;
 /// Samples whose normals differ by more are different surfaces.
 const MIN_NORMAL_COS: f32 = 0.95;
@@ -97,8 +99,8 @@ impl SurfacePoint {
         if !is_first && self.caustics.count as f32 >= wanted.clamp(1.0, MAX_LOOKS) {
             return;
         }
-        // By all that a pixel may see, or the number would depend on what was found, and means be wrong.
-        let reach = if is_first { self.footprint } else { 0.0 };
+        // By all that a pixel may see, as long as it lies on the surface, or the number would depend on what was found, and means be wrong.
+        let reach = if is_first { self.footprint / self.shading.wo.z.max(MIN_COS) } else { 0.0 };
         let found = secondary.covered_caustic_irradiance(surface, reach);
         if self.footprint > found.radius && found.irradiance != Vec3::ZERO {
             // The edges of what photons lie on are within the pixel, not around all of it.
@@ -112,11 +114,12 @@ impl SurfacePoint {
 
     /// Adds a sample to the point of its surface, which is seen `length` metres away, or starts one; returns it.
     pub(super) fn add_to(self, points: &mut Vec<Self>, length: f32) -> &mut Self {
-        // Where a picture is black there is no diffuse part, which decides what becomes of gloss: such samples go ways
-        // of their own.
+        // Where a picture is black there is no diffuse part, which decides what becomes of gloss, or no gloss, of which
+        // one sample then speaks for all: such samples go ways of their own.
         let same = points.iter().position(|other| {
             other.chain == self.chain
                 && other.shading.bsdf.has_diffuse() == self.shading.bsdf.has_diffuse()
+                && other.shading.bsdf.has_glossy() == self.shading.bsdf.has_glossy()
                 && same_surface(&other.shading.surface, &self.shading.surface, length)
         });
         let number = same.unwrap_or(points.len());
@@ -231,9 +234,14 @@ mod tests {
         Scene::new(Description { meshes: vec![mesh], materials, ..Description::default() }).unwrap()
     }
 
-    /// One sample of the wall.
+    /// One sample of the wall, seen straight on.
     fn sample(scene: &Scene, x: f32, off_middle: f32) -> SurfacePoint {
-        let ray = Ray::new(Vec3A::new(x, 0.5, 5.0), Vec3A::NEG_Z);
+        sample_along(scene, x, off_middle, Vec3A::NEG_Z)
+    }
+
+    /// One seen along this direction.
+    fn sample_along(scene: &Scene, x: f32, off_middle: f32, direction: Vec3A) -> SurfacePoint {
+        let ray = Ray::new(Vec3A::new(x, 0.5, 0.0) - direction, direction);
         let surface = scene.surface(&ray, &scene.intersect(&ray).unwrap());
         SurfacePoint {
             pixel: 0,
@@ -295,6 +303,63 @@ mod tests {
             let mean = point.caustics.radiance(|| 1.0).x * std::f32::consts::PI;
             assert!((1.0..=1.0 + spread).contains(&mean), "a mean of places: {mean}");
         }
+    }
+
+    /// A line of 2 cm in each 25 cm, and blur of 2 mm in its edges.
+    struct Lines;
+
+    impl Secondary for Lines {
+        fn irradiance(&self, _: &Surface) -> Option<crate::Known> {
+            None
+        }
+
+        fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
+            Vec3::splat(if surface.p.x.rem_euclid(0.25) < 0.02 { 1.0 } else { 0.0 })
+        }
+
+        fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> crate::Irradiance {
+            let x = surface.p.x.rem_euclid(0.25);
+            let radius = if x < 0.02 + reach || x > 0.25 - reach { 0.002 } else { f32::INFINITY };
+            crate::Irradiance { irradiance: self.caustic_irradiance(surface), radius }
+        }
+    }
+
+    #[test]
+    fn caustics_on_pixels_that_are_long_keep_their_light() {
+        // Pixels of 1 cm, seen at so flat an angle that they are 6 cm long.
+        let scene = wall();
+        let direction = Vec3A::new((1.0f32 - 1.0 / 36.0).sqrt(), 0.0, -1.0 / 6.0);
+        let (mut rng, mut sum) = (crate::Rng::new(1, 0), 0.0);
+        const PIXELS: u16 = 2000;
+        for _ in 0..PIXELS {
+            let start = 0.5 + rng.next_1d();
+            let mut place = || sample_along(&scene, start + 0.06 * rng.next_1d(), 0.0, direction);
+            let mut point = place();
+            let surface = point.shading.surface;
+            point.look_for_caustics(&Lines, &surface);
+            for next in (0..15).map(|_| place()) {
+                point.join(&next);
+                point.look_for_caustics(&Lines, &next.shading.surface);
+            }
+            sum += point.caustics.radiance(|| 1.0).x * std::f32::consts::PI;
+        }
+        let mean = sum / f32::from(PIXELS);
+        // 8 places of each pixel: a standard error of 0.004.
+        assert!((mean - 0.08).abs() < 0.012, "{mean}");
+    }
+
+    #[test]
+    fn samples_with_gloss_and_without_make_two_points() {
+        let scene = wall();
+        let bare = sample(&scene, 1.0, 0.0);
+        let mut glossy = sample(&scene, 1.001, 0.0);
+        glossy.shading.bsdf.specular = scene::Specular::Ggx { alpha: 0.2, reflectance: Vec3::ONE, schlick: false };
+        let mut points = Vec::new();
+        for point in [bare, glossy, sample(&scene, 1.002, 0.0)] {
+            point.add_to(&mut points, 5.0);
+        }
+        assert_eq!(points.len(), 2, "what one sample says of gloss would be said of all");
+        assert_eq!(points.iter().filter(|point| point.shading.bsdf.has_glossy()).count(), 1);
     }
 
     #[test]
