@@ -48,7 +48,9 @@ fn faults_are_refused_by_line() {
         ("v 0 -inf 0\nf 1 2 3\n", 4, "'-inf' is not a finite number"),
         ("v 1e999 0 0\nf 1 2 3\n", 4, "'1e999' is not a finite number"),
         ("v 1 1e39 0\nf 1 2 3\n", 4, "'1e39' is beyond the limit"),
-        ("v 1.#IND 0 0\nf 1 2 3\n", 4, "numbers where 3 are needed"),
+        ("v 1.#IND 0 0\nf 1 2 3\n", 4, "'1.#IND' is not a number"),
+        ("v 0 0 1.#QNAN0\nf 1 2 3\n", 4, "'1.#QNAN0' is not a number"),
+        ("vt -1.#IND00 -1.#IND00\nf 1 2 3\n", 4, "'-1.#IND00' is not a number"),
         ("v 1 x 0\nf 1 2 3\n", 4, "'x' is not a number"),
         ("vn nan 0 0\nf 1 2 3\n", 4, "not a finite number"),
         ("vt inf 0\nf 1 2 3\n", 4, "not a finite number"),
@@ -185,6 +187,8 @@ fn what_is_not_text_is_refused() {
     long.truncate(1 << 20);
     long.extend_from_slice(b"\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     assert!(load_files(&[("a.obj", &long)]).is_ok(), "a comment of 1 MB");
+    let continued = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3{}\n", " \\\n".repeat(1 << 20));
+    assert!(load_files(&[("a.obj", continued.as_bytes())]).is_ok(), "a line in a million parts");
     let face = format!("{CORNERS}f{}\n", " 1".repeat(6 << 20));
     assert_refused(&[("a.obj", face.as_bytes())], "a.obj:4: a polygon of 6291456 corners", "");
 }

@@ -218,6 +218,9 @@ fn hdr_pictures_load() {
     assert_eq!(environment.size(), (2, 1), "two pixels, one with a large exponent");
     let seen = environment.radiance(Vec3A::X).max(environment.radiance(Vec3A::NEG_X));
     assert!(seen.is_finite() && seen.x > 1e34, "an exponent of 245: {seen}");
+    let renamed = [b"#?RGBE", &file[10..]].concat();
+    let pixels = |bytes: &[u8]| Picture::decode(Path::new("a.hdr"), bytes).unwrap().pixels;
+    assert_eq!(pixels(&renamed), pixels(&file), "by the name that rgbe.c writes");
     // Twice exposed, 4 and 0.5, and corrected: the light is a half of what stands there, and of blue a fifth.
     let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=4\nEXPOSURE= 0.5\nCOLORCORR=1 1 2.5\n\n-Y 1 +X 1\n";
     let exposed = [&header[..], &[128, 64, 32, 129]].concat();

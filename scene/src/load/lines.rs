@@ -38,9 +38,12 @@ impl<'a> Lines<'a> {
         if self.number == 1 && self.bytes.starts_with(b"\xef\xbb\xbf") {
             self.bytes.drain(..3);
         }
-        // A comment may end in the backslash of a Windows folder; it is not continued.
-        while self.bytes.last() == Some(&b'\\') && !has_comment(&self.bytes) {
+        // A comment may end in the backslash of a Windows folder; it is not continued. What was read before is known
+        // to hold none.
+        let mut known = 0;
+        while self.bytes.last() == Some(&b'\\') && !has_comment(&self.bytes[known..]) {
             self.bytes.pop();
+            known = self.bytes.len();
             self.bytes.push(b' ');
             if !self.append()? {
                 break;
@@ -72,6 +75,12 @@ impl<'a> Lines<'a> {
         }
         Ok(read > 0)
     }
+}
+
+/// The text before a comment. `1.#INF`, as some compilers write what is no number, is no comment.
+pub(super) fn uncommented(text: &str) -> &str {
+    let start = text.match_indices('#').find(|(start, _)| !text[..*start].ends_with('.'));
+    start.map_or(text, |(start, _)| &text[..start])
 }
 
 /// Whether the rest of a line is a comment, from some word on.

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::error::{LoadError, Place, quoted};
 use super::files::{Files, check_name};
 use super::limits;
-use super::lines::Lines;
+use super::lines::{Lines, uncommented};
 use super::warnings::Warnings;
 
 /// A value with the line that gives it.
@@ -84,7 +84,7 @@ pub(super) fn read(
 
 impl MtlMaterial {
     fn set(&mut self, key: &str, rest: &str, place: Place<'_>, warnings: &mut Warnings) -> Result<(), LoadError> {
-        let value = Value { key, text: rest.split_once('#').map_or(rest, |(text, _)| text).trim(), place };
+        let value = Value { key, text: uncommented(rest).trim(), place };
         let line = place.line.unwrap_or_default();
         match key {
             "Kd" | "Ks" | "Ke" | "Tf" if value.text.starts_with("spectral") || value.text.starts_with("xyz") => {

@@ -8,7 +8,7 @@ use std::io::{self, BufRead, Read};
 use super::error::{LoadError, Place, quoted};
 use super::files::check_name;
 use super::limits;
-use super::lines::Lines;
+use super::lines::{Lines, uncommented};
 
 /// What a face is made of besides its positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -279,11 +279,6 @@ fn is_plain(word: &str) -> bool {
     let digits = word.strip_prefix('-').unwrap_or(word);
     let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
     (1..=9).contains(&whole.len()) && whole.bytes().chain(fraction.bytes()).all(|byte| byte.is_ascii_digit())
-}
-
-/// The text before a comment.
-fn uncommented(text: &str) -> &str {
-    text.split_once('#').map_or(text, |(text, _)| text)
 }
 
 fn as_u32(n: usize) -> u32 {

@@ -63,6 +63,9 @@ impl PictureFormat {
         if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
             return Some(Self::Exr);
         }
+        if bytes.starts_with(OTHER_HDR) {
+            return Some(Self::Hdr);
+        }
         match image::guess_format(bytes).ok()? {
             ImageFormat::Hdr => Some(Self::Hdr),
             ImageFormat::Png => Some(Self::Png),
@@ -197,9 +200,15 @@ impl Decoded {
     }
 }
 
+/// The first bytes of a Radiance picture, and what some programs write in their place.
+const HDR: &[u8] = b"#?RADIANCE";
+const OTHER_HDR: &[u8] = b"#?RGBE";
+
 /// Decodes a Radiance picture; what it says of exposure and colour correction is undone, which leaves radiance.
 fn decode_hdr(bytes: &[u8], file: Place<'_>) -> Result<Decoded, LoadError> {
-    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|error| damaged(&error, file))?;
+    let renamed = bytes.strip_prefix(OTHER_HDR).map(|rest| [HDR, rest].concat());
+    let decoder = HdrDecoder::new(Cursor::new(renamed.as_deref().unwrap_or(bytes)));
+    let decoder = decoder.map_err(|error| damaged(&error, file))?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into(), 12, bytes.len(), file)?;
     let HdrMetadata { exposure, color_correction, custom_attributes, .. } = decoder.metadata();
