@@ -22,7 +22,7 @@ pub struct RecordPoint {
     pub p: Vec3,
     /// Unit normal there, world space.
     pub n: Vec3,
-    /// No point farther off takes anything from it, metres; 0 where it serves itself alone.
+    /// No point farther off takes anything from it, metres.
     pub reach: f32,
     /// Mean incident radiance over the projected hemisphere, W m^-2 sr^-1: irradiance over pi.
     pub radiance: Vec3,

@@ -47,7 +47,7 @@ pub trait Secondary: Sync {
     }
 }
 
-/// Knows nothing: every path goes on by itself.
+/// Knows nothing: every path goes on by itself. Caustics, which no path looks for, are black.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoSecondary;
 

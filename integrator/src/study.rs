@@ -35,8 +35,7 @@ pub struct Study {
     pub verify: Option<u32>,
     /// Light samples a primary sample, 1 to 1024.
     pub light_samples: Option<u32>,
-    /// Whether half of the light samples of surfaces without gloss go to lights that were found to reach them
-    /// beforehand.
+    /// Whether lights are chosen by what was found beforehand to reach what the picture shows.
     pub light_guide: Option<bool>,
     /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
     pub lobe_rays: Option<u32>,
