@@ -99,7 +99,8 @@ impl SurfacePoint {
         if !is_first && self.caustics.count as f32 >= wanted.clamp(1.0, MAX_LOOKS) {
             return;
         }
-        // By all that a pixel may see, as long as it lies on the surface, or the number would depend on what was found, and means be wrong.
+        // By all that a pixel may see, as long as it lies on the surface, or the number would depend on what was found,
+        // and means be wrong.
         let reach = if is_first { self.footprint / self.shading.wo.z.max(MIN_COS) } else { 0.0 };
         let found = secondary.covered_caustic_irradiance(surface, reach);
         if self.footprint > found.radius && found.irradiance != Vec3::ZERO {
