@@ -27,7 +27,7 @@ use hemimap::Frame;
 use rayon::prelude::*;
 use scene::{Bsdf, Lobes, Scene, Specular, Surface};
 
-use self::probe::{FoundCell, LEVELS, Probes, Slab, width_on};
+use self::probe::{FoundCell, LEVELS, Probes, Slab};
 use self::solve::{CellLight, Row, solve};
 use self::table::Table;
 use crate::Irradiance;
@@ -120,7 +120,7 @@ impl CellBuilder<'_> {
         let share = 1.0 / ray_count as f32;
         for number in 0..ray_count {
             let point = &points[number % points.len()];
-            let number = u32::try_from(number).expect("at most 256");
+            let number = u32::try_from(number).expect("at most 1024");
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
@@ -191,11 +191,13 @@ impl Cells {
     }
 
     fn cell_of(&self, surface: &Surface) -> Option<u32> {
+        let mut width = self.width;
         for level in 0..LEVELS {
-            let cell = self.table.find(key(surface, width_on(level, self.width), level))?;
+            let cell = self.table.find(key(surface, width, level))?;
             if cell != Table::CUT {
                 return self.cells[cell as usize].slab.holds(surface.p).then_some(cell);
             }
+            width *= 0.5;
         }
         None
     }

@@ -123,11 +123,11 @@ impl Probes<'_> {
     }
 
     /// Divides hits into cells.
-    fn cells(&self, hits: &[Vec<Hit>], mut places: Vec<Place>, width: f32) -> Found {
+    fn cells(&self, hits: &[Vec<Hit>], mut places: Vec<Place>, mut width: f32) -> Found {
         let mut found = Found { width, cells: Vec::new(), cut: Vec::new() };
         for level in 0..LEVELS {
-            let width = width_on(level, width);
             if level > 0 {
+                width *= 0.5;
                 sort(&mut places, hits, width, level);
             }
             let groups: Vec<&[Place]> = places.chunk_by(|a, b| a.0 == b.0).collect();
@@ -248,11 +248,6 @@ impl Slab {
     pub(super) fn holds(&self, p: Vec3A) -> bool {
         (self.normal.dot(p.into()) - self.offset).abs() <= self.reach
     }
-}
-
-/// The width of a cell on this level, where `width` is that of one that is not cut.
-pub(super) fn width_on(level: u32, width: f32) -> f32 {
-    width / (1 << level) as f32
 }
 
 /// The median distance of what gather rays met; `None` if that was nothing.
