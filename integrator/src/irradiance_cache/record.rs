@@ -89,7 +89,9 @@ const STEEP_SLACK: f32 = 0.01;
 const MAX_ASPECT: f32 = 2.0;
 /// Light that comes by a smaller share of the texels than this is too rough for derivatives; and a reach by its Hessian
 /// would be the shorter the more of it was met by chance, so that the records that met none would have the greatest
-/// say. Such a record reaches a share of the harmonic mean distance, by Ward's rule, which knows geometry alone.
+/// say. Such a record reaches a share of the harmonic mean distance, by Ward's rule, which knows geometry alone, and no
+/// farther than by the Hessian of what is left of its light without the brightest: else those that met it would have
+/// the greatest say.
 const FEW_TEXELS: f32 = 0.015;
 const WARD_SPACING: f32 = 0.3;
 /// No reach is longer, metres, also where all is infinitely far and nothing else limits it: squares of its ratio to
@@ -125,22 +127,31 @@ impl Record {
         let directions = samples.directions();
         let limited = |radius: f32| radius.min(far).min(rules.max_radius).min(FARTHEST).max(rules.min_radius);
         let is_lit_by_few = is_lit_by_few(samples);
-        let derivatives = (!is_lit_by_few).then(|| edges.derivatives(samples, &directions, rules.min_radius));
-        let (radii, axis) = if let Some(derivatives) = derivatives.filter(|_| rules.by_hessian) {
-            let light = luminance(mean[0] + mean[1]);
+        let derivatives_of = |samples: &Samples| edges.derivatives(samples, &directions, rules.min_radius);
+        let derivatives = (!is_lit_by_few).then(|| derivatives_of(samples));
+        let by_hessian = |derivatives: &Derivatives, light: f32| {
             let (curvatures, axis) = derivatives.hessian.eigen();
             // Where the first derivative is so large, light falls to 0 within the radius: no second derivative tells of
             // that.
             let [near, sky] = derivatives.translation;
             let slope = Vec2::new(luminance(near[0] + sky[0]), luminance(near[1] + sky[1]));
             let fall = light / slope.length();
-            let radii = curvatures.map(|curvature| limited(radius(curvature, rules.total_error * light).min(fall)));
-            (radii, axis)
-        } else if is_lit_by_few && is_lit_by_highlights(samples) {
+            (curvatures.map(|curvature| limited(radius(curvature, rules.total_error * light).min(fall))), axis)
+        };
+        let by_geometry = limited(WARD_SPACING * far);
+        let (radii, axis) = if is_lit_by_few && is_lit_by_highlights(samples) {
             // Where they end, no geometry tells.
             ([rules.min_radius; 2], Vec2::X)
+        } else if !rules.by_hessian {
+            ([by_geometry; 2], Vec2::X)
+        } else if let Some(derivatives) = &derivatives {
+            by_hessian(derivatives, luminance(mean[0] + mean[1]))
+        } else if let Some(capped) = capped(samples) {
+            let light = luminance(capped.mean_radiance_by_distance().into_iter().sum());
+            let (radii, axis) = by_hessian(&derivatives_of(&capped), light);
+            (radii.map(|radius| radius.min(by_geometry)), axis)
         } else {
-            ([limited(WARD_SPACING * far); 2], Vec2::X)
+            ([by_geometry; 2], Vec2::X)
         };
         let [first, second] = [radii[0], radii[1].min(MAX_ASPECT * radii[0])];
         let Derivatives { translation, rotation, .. } = derivatives.filter(|_| rules.gradients).unwrap_or_default();
@@ -251,6 +262,31 @@ fn lit_share(samples: &Samples) -> f32 {
     if sum_sq > 0.0 { sum / sum_sq * sum / samples.radiance.len() as f32 } else { 0.0 }
 }
 
+/// Samples without so much of the brightest light that no longer few texels bring it; `None` if none is left.
+fn capped(samples: &Samples) -> Option<Samples> {
+    let mut bright: Vec<f32> = samples.radiance.iter().map(|&radiance| luminance(radiance)).collect();
+    bright.sort_by(f32::total_cmp);
+    let count = bright.len() as f32;
+    let (mut sum, mut sum_sq) = (0.0, 0.0);
+    let mut cap = 0.0;
+    for (number, &l) in bright.iter().enumerate() {
+        let above = count - number as f32;
+        let (all, all_sq) = (sum + above * l, sum_sq + above * l * l);
+        if all_sq > 0.0 && all / all_sq * all / count >= FEW_TEXELS {
+            cap = l;
+        }
+        sum += l;
+        sum_sq += l * l;
+    }
+    (cap > 0.0).then(|| {
+        let mut capped = samples.clone();
+        for radiance in &mut capped.radiance {
+            *radiance *= (cap / luminance(*radiance)).min(1.0);
+        }
+        capped
+    })
+}
+
 /// The nearest planes of what a gather met near its horizon, by the azimuth of their normals; none that is farther than
 /// `reach`.
 fn guards(samples: &Samples, directions: &[Vec3A], frame: &Frame, reach: f32) -> Vec<Guard> {
@@ -345,7 +381,27 @@ mod tests {
         assert!(lamp > 100.0 * RULES.min_radius, "a lamp stays where it is: {lamp}");
         (0..20).for_each(|texel| samples.radiance[500 + texel] = Vec3::splat(11.0));
         assert!(is_lit_by_few(&samples));
-        assert_eq!(reach(&samples), lamp, "not most of the light");
+        let marked = reach(&samples);
+        assert!(marked > 10.0 * RULES.min_radius, "not most of the light: {marked}");
+        samples.view_dependent.fill(false);
+        assert_eq!(reach(&samples), marked, "so that it counts like any other");
+    }
+
+    #[test]
+    fn who_meets_a_bright_spot_by_chance_reaches_no_farther() {
+        let rules = RecordRules { total_error: 1e-6, ..RULES };
+        // A ceiling whose light changes along it, and a small bright spot that some records miss.
+        let seen = |spot: f32| {
+            move |wi: Vec3A| {
+                let at = wi / wi.z;
+                let is_spot = at.distance(Vec3A::new(0.5, 0.3, 1.0)) < 0.05;
+                let light = if is_spot { spot } else { 1.0 + 0.9 * (12.0 * at.x).sin() };
+                (Vec3::splat(light), at.length(), Vec3A::NEG_Z)
+            }
+        };
+        let (missed, met) = (record(&rules, seen(1.0)), record(&rules, seen(1e4)));
+        assert!(met.mean_radiance().x > 5.0 * missed.mean_radiance().x, "the spot is nearly all the light");
+        assert!(met.reach() < 1.1 * missed.reach(), "{} and {}", met.reach(), missed.reach());
     }
 
     #[test]
