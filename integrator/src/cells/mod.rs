@@ -18,6 +18,7 @@
 //! hashing", for the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one
 //! may fall behind a wall.
 
+mod lamps;
 mod probe;
 mod solve;
 mod table;
@@ -25,21 +26,22 @@ mod table;
 use glam::{IVec3, UVec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Bsdf, Lobes, Scene, Specular, Surface};
+use scene::{Bsdf, Scene, Specular, Surface};
 
-use self::probe::{FoundCell, LEVELS, Probes, Slab};
+use self::lamps::LampSamples;
+use self::probe::{FoundCell, LEVELS, Probes, Slab, spread};
 use self::solve::{CellLight, Row, solve};
 use self::table::Table;
 use crate::Irradiance;
 use crate::photons::PhotonSource;
 use crate::sampler::{Sampler, hash, hash_pair};
-use crate::secondary::{Known, LightWays, Secondary, Shading, direct_light, unsampled_emission};
+use crate::secondary::{Known, Secondary, Shading, unsampled_emission};
 use crate::sky::{SkySplit, soft_background};
 use crate::statistics::RayCounts;
 use crate::walk::{Taken, Visitor, walk};
 
-/// Points that stand for a cell.
-const MAX_POINTS: usize = 4;
+/// Points of a cell that caustics are looked up at: each look-up averages over many photons already.
+const CAUSTIC_POINTS: usize = 4;
 
 /// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own
 /// cell; no link has more throughput. Radiance that leaves a medium rises by the square of its refractive index, 5.9 in
@@ -94,12 +96,14 @@ impl CellBuilder<'_> {
         let budget = self.ray_budget as usize;
         let ray_count =
             |cell: &FoundCell| (budget / (2 * found.len()) + budget * cell.hits / (2 * hits)).clamp(8, 1024);
-        let rows: Vec<Row> = found
+        let (mut rows, mut lamps): (Vec<Row>, Vec<LampSamples>) = found
             .par_iter()
             .enumerate()
-            .map(|(cell, found)| self.row(&cells, cell as u64, &found.witnesses, ray_count(found)))
-            .collect();
-        for row in &rows {
+            .map(|(cell, found)| self.row(&cells, cell as u64, &found.points, ray_count(found)))
+            .unzip();
+        self.add_lamp_samples(&cells, &found, &rows, &mut lamps, rays);
+        for (row, lamps) in rows.iter_mut().zip(lamps) {
+            row.direct += lamps.mean();
             *rays += row.rays;
         }
         for (cell, light) in cells.cells.iter_mut().zip(solve(&rows)) {
@@ -108,8 +112,8 @@ impl CellBuilder<'_> {
         cells
     }
 
-    fn row(&self, cells: &Cells, cell: u64, points: &[Surface], ray_count: usize) -> Row {
-        let points: Vec<Shading> = points.iter().take(MAX_POINTS).map(white).collect();
+    fn row(&self, cells: &Cells, cell: u64, points: &[Surface], ray_count: usize) -> (Row, LampSamples) {
+        let points: Vec<Shading> = points.iter().map(white).collect();
         let mut row = Row {
             direct: Vec3::ZERO,
             source: Vec3::ZERO,
@@ -118,15 +122,14 @@ impl CellBuilder<'_> {
             rays: RayCounts::default(),
         };
         let share = 1.0 / ray_count as f32;
+        let mut lamps = LampSamples::default();
         for number in 0..ray_count {
             let point = &points[number % points.len()];
             let number = u32::try_from(number).expect("at most 1024");
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
-            let ways = LightWays { count: 1, choice: None, sky: self.sky };
-            let u = sampler.next_4d_for(self.scene.lights().has_choice());
-            row.direct += direct_light(self.scene, point, Lobes::DIFFUSE, ways, u, &mut row.rays) * pi;
+            lamps.add(self.lamp_light(point, &mut sampler, &mut row.rays));
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_pair(), &mut row.rays) * pi;
             }
@@ -143,11 +146,11 @@ impl CellBuilder<'_> {
                 row.direct += pi * soft_background(self.scene, self.sky, ray.direction);
             }
         }
-        for point in &points {
-            row.caustic += self.photons.caustic_irradiance(&point.surface) / points.len() as f32;
-        }
+        let caustic = |point: &Shading| self.photons.caustic_irradiance(&point.surface);
+        let caustics: Vec<Vec3> = spread(&points, CAUSTIC_POINTS).map(caustic).collect();
+        row.caustic = caustics.iter().sum::<Vec3>() / caustics.len() as f32;
         row.source += row.caustic;
-        row
+        (row, lamps)
     }
 }
 
@@ -268,52 +271,102 @@ mod tests {
     use super::*;
     use crate::secondary::tests::square;
     use crate::{PhotonMaps, PhotonSettings};
-    use glam::Vec2;
-    use scene::{Camera, Description, Material, Mesh, Ray};
+    use scene::{Camera, Description, Material, Mesh, PunctualLight, Ray};
+
+    /// A scene and the cells that its picture makes.
+    fn cells_of(description: Description, seed: u64) -> (Scene, Cells) {
+        let scene = Scene::new(description).unwrap();
+        let maps = PhotonMaps::shoot(&scene, &PhotonSettings { global: false, caustic: false, ..Default::default() });
+        let photons = PhotonSource { maps: &maps, scene: &scene };
+        let builder = CellBuilder { scene: &scene, sky: None, photons, seed, probe_rays: 24, ray_budget: 200_000 };
+        let cells = builder.build(UVec2::splat(16), &mut RayCounts::default());
+        (scene, cells)
+    }
+
+    /// Triangles of squares of four corners each, and their materials.
+    fn squares(corners: Vec<Vec3>, material: impl Fn(u32) -> u32) -> Mesh {
+        let squares = 0..u32::try_from(corners.len() / 4).unwrap();
+        Mesh {
+            positions: corners,
+            triangles: squares
+                .clone()
+                .flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]])
+                .collect(),
+            materials: squares.flat_map(|i| [material(i); 2]).collect(),
+            ..Mesh::default()
+        }
+    }
+
+    /// Red light that lamps send to the floor at x, z; `None` where there is no cell.
+    fn direct_at(scene: &Scene, cells: &Cells, x: f32, z: f32) -> Option<f32> {
+        let ray = Ray::new(Vec3A::new(x, 0.2, z), Vec3A::NEG_Y);
+        Some(cells.look_up(&scene.surface(&ray, &scene.intersect(&ray).unwrap()))?.direct?.x)
+    }
+
+    /// A look down into a corner of the squares.
+    fn camera() -> Option<Camera> {
+        let eye = Vec3::new(0.0, 0.9, 1.9);
+        Some(Camera { eye, at: Vec3::Y * 0.2, up: Vec3::Y, fov_y_degrees: 90.0 })
+    }
 
     #[test]
     fn each_side_of_a_wall_has_its_own_light() {
         // A low wall of paper on a floor under a ceiling, and a lamp on one side of it.
         let wall = |x: f32| [(0.0, -2.0), (0.0, 2.0), (0.3, 2.0), (0.3, -2.0)].map(|(y, z)| Vec3::new(x, y, z));
         let lamp = square(0.3, 0.3).map(|corner| corner + 1.5 * Vec3::NEG_X);
-        let mesh = Mesh {
-            positions: [square(2.0, 0.0), square(2.0, 1.0), wall(0.01), lamp].concat(),
-            triangles: (0..4).flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]]).collect(),
-            materials: vec![0, 0, 0, 0, 0, 0, 1, 1],
-            ..Mesh::default()
-        };
         let lit = Material { diffuse: Vec3::ZERO, emission: Vec3::ONE, ..Material::default() };
-        let eye = Vec3::new(0.0, 0.9, 1.9);
-        let camera = Camera { eye, at: Vec3::Y * 0.2, up: Vec3::Y, fov_y_degrees: 90.0 };
-        let scene = Scene::new(Description {
-            meshes: vec![mesh],
+        let description = Description {
+            meshes: vec![squares([square(2.0, 0.0), square(2.0, 1.0), wall(0.01), lamp].concat(), |i| i / 3)],
             materials: vec![Material::default(), lit],
-            camera: Some(camera),
+            camera: camera(),
             ..Description::default()
-        })
-        .unwrap();
-        let maps = PhotonMaps::shoot(&scene, &PhotonSettings { global: false, caustic: false, ..Default::default() });
-        let photons = PhotonSource { maps: &maps, scene: &scene };
-        let builder = CellBuilder { scene: &scene, sky: None, photons, seed: 1, probe_rays: 24, ray_budget: 200_000 };
-        let cells = builder.build(UVec2::splat(16), &mut RayCounts::default());
+        };
+        let (scene, cells) = cells_of(description, 1);
         // Light on the floor up to a cell away from the wall.
         let direct = |side: f32| -> Vec<f32> {
-            let place = |i: u16| {
-                Vec2::new(
-                    0.01 + side * cells.width * (0.1 + 0.8 * f32::from(i % 8) / 7.0),
-                    f32::from(i / 8) / 8.0 - 1.0,
-                )
-            };
-            let surface = |p: Vec2| {
-                let ray = Ray::new(Vec3A::new(p.x, 0.2, p.y), Vec3A::NEG_Y);
-                scene.surface(&ray, &scene.intersect(&ray).unwrap())
-            };
-            (0..128).filter_map(|i| cells.look_up(&surface(place(i)))?.direct).map(|direct| direct.x).collect()
+            let x = |i: u16| 0.01 + side * cells.width * (0.1 + 0.8 * f32::from(i % 8) / 7.0);
+            (0..128).filter_map(|i| direct_at(&scene, &cells, x(i), f32::from(i / 8) / 8.0 - 1.0)).collect()
         };
         let (lit, dark) = (direct(-1.0), direct(1.0));
         // Before cells were cut, none that the wall stands in was one.
         assert!(lit.len() > 100 && dark.len() > 70, "{} and {} of 128", lit.len(), dark.len());
         let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
         assert!(mean(&dark) < 0.05 * mean(&lit), "{} and {}", mean(&dark), mean(&lit));
+    }
+
+    #[test]
+    fn a_patch_of_sun_has_its_light() {
+        // A hole of this size in the roof over a floor, about as wide as a cell.
+        const HALF: f32 = 0.06;
+        let strip = |x: [f32; 2], z: [f32; 2]| {
+            [(x[0], z[0]), (x[1], z[0]), (x[1], z[1]), (x[0], z[1])].map(|(x, z)| Vec3::new(x, 1.0, z))
+        };
+        let roof = [
+            strip([-2.0, 2.0], [-2.0, -HALF]),
+            strip([-2.0, 2.0], [HALF, 2.0]),
+            strip([-2.0, -HALF], [-HALF, HALF]),
+            strip([HALF, 2.0], [-HALF, HALF]),
+        ];
+        let sun = PunctualLight::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+        let errors = (1..=16).map(|seed| {
+            let description = Description {
+                meshes: vec![squares([&[square(2.0, 0.0)], &roof[..]].concat().concat(), |_| 0)],
+                materials: vec![Material::default()],
+                lights: vec![sun],
+                camera: camera(),
+                ..Description::default()
+            };
+            let (scene, cells) = cells_of(description, seed);
+            // The light that cells hold around the patch, against what comes through the hole.
+            let reach = 2.0 * cells.width;
+            let place = |i: u16| reach * ((f32::from(i) + 0.5) / 32.0 - 1.0);
+            let lights = (0..64).flat_map(|x| (0..64).map(move |z| (x, z)));
+            let light: f32 = lights.filter_map(|(x, z)| direct_at(&scene, &cells, place(x), place(z))).sum();
+            light * (reach / 32.0).powi(2) / (4.0 * HALF * HALF) - 1.0
+        });
+        let errors: Vec<f32> = errors.collect();
+        let rms = (errors.iter().map(|error| error * error).sum::<f32>() / errors.len() as f32).sqrt();
+        // 0.15 with four points a cell, 0.12 with 64 alone.
+        assert!(rms < 0.08, "{rms}: {errors:?}");
     }
 }

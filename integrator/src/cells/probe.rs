@@ -29,6 +29,8 @@ const WIDTH_SHARE: f32 = 0.06;
 /// How often that is halved for cells that something divides, plus one.
 pub(super) const LEVELS: u32 = 3;
 
+/// Hits that stand for a cell. A patch of sun covers few of them, so few would tell its light badly.
+const MAX_POINTS: usize = 64;
 /// Points of a cell that must see each other for it to hold one light; the two outermost come on top.
 const MAX_WITNESSES: usize = 12;
 /// Where something was found to stand, fewer hits than this tell too little to say that it does not stand between them.
@@ -64,9 +66,8 @@ pub(super) struct FoundCell {
     pub(super) slab: Slab,
     /// How many hits are in it.
     pub(super) hits: usize,
-    /// The first hits in it, then the two that are farthest apart along its normal where that is more than two margins
-    /// of its slab.
-    pub(super) witnesses: Vec<Surface>,
+    /// Some of these, evenly chosen.
+    pub(super) points: Vec<Surface>,
 }
 
 /// The layer of space that the surface of a cell lies in. Behind it there may be another sheet of the same key, with
@@ -132,8 +133,9 @@ impl Probes<'_> {
             }
             let groups: Vec<&[Place]> = places.chunk_by(|a, b| a.0 == b.0).collect();
             let with_division = |group: &&[Place]| {
-                let cell = FoundCell::new(group, hits, width);
-                let is_divided = self.is_divided(&cell.witnesses, width);
+                let (cell, outermost) = FoundCell::new(group, hits, width);
+                let witnesses = spread(&cell.points, MAX_WITNESSES).chain(outermost.iter().flatten());
+                let is_divided = self.is_divided(&witnesses.collect::<Vec<_>>(), width);
                 (cell, is_divided)
             };
             let of_level: Vec<(FoundCell, bool)> = groups.par_iter().map(with_division).collect();
@@ -199,12 +201,12 @@ impl Probes<'_> {
 
     /// Whether some neighbours among the points of a cell do not see each other just above the surface: a wall stands
     /// on it.
-    fn is_divided(&self, witnesses: &[Surface], width: f32) -> bool {
+    fn is_divided(&self, witnesses: &[&Surface], width: f32) -> bool {
         /// Height of the lines of sight as a share of the width of the cell.
         const HEIGHT: f32 = 0.1;
         witnesses.windows(2).any(|pair| {
             let lifted = |surface: &Surface| surface.p + HEIGHT * width * surface.ng;
-            let (from, to) = (lifted(&pair[0]), lifted(&pair[1]));
+            let (from, to) = (lifted(pair[0]), lifted(pair[1]));
             let ray = Ray { t_max: from.distance(to), ..Ray::new(from, (to - from).normalize_or(Vec3A::Z)) };
             self.scene.occluded(&ray)
         })
@@ -212,16 +214,15 @@ impl Probes<'_> {
 }
 
 impl FoundCell {
-    /// The cell of a group of hits.
-    fn new(group: &[Place], hits: &[Vec<Hit>], width: f32) -> Self {
+    /// The cell of a group of hits, and the two that are farthest apart along its normal where that is more than two
+    /// margins of its slab.
+    fn new(group: &[Place], hits: &[Vec<Hit>], width: f32) -> (Self, Option<[Surface; 2]>) {
         let margin = SLAB_MARGIN * width;
         let surface = |&(_, probe, i): &Place| &hits[probe as usize][i as usize].surface;
         let (slab, outermost) = Slab::around(group.iter().map(surface), margin);
-        let mut witnesses: Vec<Surface> = group.iter().take(MAX_WITNESSES).map(surface).copied().collect();
-        if slab.reach > 2.0 * margin {
-            witnesses.extend(outermost.map(|number| *surface(&group[number])));
-        }
-        Self { key: group[0].0, width, slab, hits: group.len(), witnesses }
+        let points = spread(group, MAX_POINTS).map(surface).copied().collect();
+        let outermost = (slab.reach > 2.0 * margin).then(|| outermost.map(|number| *surface(&group[number])));
+        (Self { key: group[0].0, width, slab, hits: group.len(), points }, outermost)
     }
 }
 
@@ -248,6 +249,11 @@ impl Slab {
     pub(super) fn holds(&self, p: Vec3A) -> bool {
         (self.normal.dot(p.into()) - self.offset).abs() <= self.reach
     }
+}
+
+/// At most so many of some items, evenly chosen.
+pub(super) fn spread<T>(items: &[T], count: usize) -> impl Iterator<Item = &T> {
+    items.iter().step_by(items.len().div_ceil(count).max(1))
 }
 
 /// The median distance of what gather rays met; `None` if that was nothing.

@@ -1,0 +1,141 @@
+//! More samples of lamps where few cells decide how much light there is.
+//!
+//! A patch of sun on a floor may be the light of a whole room, and lie in four cells. A cell of which the patch takes a
+//! fifth is 25 % off with the 64 points that stand for it, and so is the room. So cells get samples by what is at stake,
+//! their light's standard deviation times how often they are met (Neyman 1934), until the error of all light is small
+//! enough; in most scenes it is so from the start.
+
+use std::iter::zip;
+
+use glam::{DVec3, Vec2, Vec3, Vec3A};
+use hemimap::Frame;
+use rayon::prelude::*;
+use scene::{Lobes, Ray, Surface};
+
+use super::probe::FoundCell;
+use super::solve::Row;
+use super::{CellBuilder, Cells, white};
+use crate::sampler::{Sampler, hash_pair};
+use crate::secondary::{LightWays, Shading, direct_light};
+use crate::sky::luminance;
+use crate::statistics::{RayCounts, map_counting};
+
+/// The relative variance of all light that is small enough, times the rays for links: 1 % of error with 250,000.
+const VARIANCE: f64 = 25.0;
+
+/// Steps from one of the points that stand for a cell to one that is sampled; their length, at most, and the height of
+/// their way, as shares of the width of the cell.
+const STEPS: u32 = 2;
+const STEP: f32 = 0.5;
+const HEIGHT: f32 = 0.1;
+
+/// Samples of the light of lamps in a cell, W m^-2.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct LampSamples {
+    count: u32,
+    sum: DVec3,
+    /// Of the squares of luminances.
+    sum_sq: f64,
+}
+
+impl LampSamples {
+    pub(super) fn add(&mut self, irradiance: Vec3) {
+        self.count += 1;
+        self.sum += irradiance.as_dvec3();
+        self.sum_sq += f64::from(luminance(irradiance)).powi(2);
+    }
+
+    pub(super) fn mean(&self) -> Vec3 {
+        (self.sum / self.count()).as_vec3()
+    }
+
+    fn count(&self) -> f64 {
+        f64::from(self.count.max(1))
+    }
+
+    /// The standard deviation of the luminance of one sample, times how often the cell is met.
+    fn stake(&self, cell: &FoundCell) -> f64 {
+        let mean_sq = f64::from(luminance(self.mean())).powi(2);
+        (self.sum_sq / self.count() - mean_sq).max(0.0).sqrt() * cell.hits as f64
+    }
+}
+
+impl CellBuilder<'_> {
+    /// Irradiance by one sample of a lamp, W m^-2.
+    pub(super) fn lamp_light(&self, white: &Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+        let ways = LightWays { count: 1, choice: None, sky: self.sky };
+        let u = sampler.next_4d_for(self.scene.lights().has_choice());
+        // A white surface reflects irradiance / pi.
+        direct_light(self.scene, white, Lobes::DIFFUSE, ways, u, rays) * std::f32::consts::PI
+    }
+
+    /// Takes more samples of lamps in the cells where it counts, if it does in any. `lamps` are those that were taken
+    /// at the cells' points, in turn.
+    pub(super) fn add_lamp_samples(
+        &self,
+        cells: &Cells,
+        found: &[FoundCell],
+        rows: &[Row],
+        lamps: &mut [LampSamples],
+        rays: &mut RayCounts,
+    ) {
+        let of_sources = |((cell, row), lamps): ((&FoundCell, &Row), &LampSamples)| {
+            cell.hits as f64 * f64::from(luminance(row.direct + row.source + lamps.mean()))
+        };
+        let light: f64 = zip(zip(found, rows), &*lamps).map(of_sources).sum();
+        let budget = f64::from(self.ray_budget);
+        let allowed = VARIANCE / budget * light * light;
+        let noise: f64 = zip(found, &*lamps).map(|(cell, lamps)| lamps.stake(cell).powi(2) / lamps.count()).sum();
+        if !noise.is_finite() || noise <= allowed {
+            return;
+        }
+        // Before one is given up as dark, all points of it are asked.
+        self.sample_lamps(found, lamps, rays, |cell, _| cell.points.len() as f64, |cell, i, _, _| cell.points[i]);
+        let stakes: f64 = zip(found, &*lamps).map(|(cell, lamps)| lamps.stake(cell)).sum();
+        let share = (stakes / allowed).min(budget / stakes);
+        let wanted = |cell: &FoundCell, lamps: &LampSamples| share * lamps.stake(cell);
+        self.sample_lamps(found, lamps, rays, wanted, |cell, i, sampler, rays| {
+            let start = cell.points[i % cell.points.len()];
+            (0..STEPS).fold(start, |point, _| self.moved(cells, cell, &point, sampler.next_pair(), rays))
+        });
+    }
+
+    /// Takes samples until each cell has as many as are `wanted`. `point` tells where the sample of a number is taken.
+    fn sample_lamps(
+        &self,
+        found: &[FoundCell],
+        lamps: &mut [LampSamples],
+        rays: &mut RayCounts,
+        wanted: impl Fn(&FoundCell, &LampSamples) -> f64 + Sync,
+        point: impl Fn(&FoundCell, usize, &mut Sampler, &mut RayCounts) -> Surface + Sync,
+    ) {
+        map_counting(found.par_iter().zip(lamps), rays, |(cell, lamps), rays| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the budget of rays")]
+            for i in lamps.count..wanted(cell, lamps) as u32 {
+                let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, 2), i);
+                let point = point(cell, i as usize, &mut sampler, rays);
+                lamps.add(self.lamp_light(&white(&point), &mut sampler, rays));
+            }
+        });
+    }
+
+    /// A point of the same cell near another; the same one if that is out of its sight or of the cell. The way back is
+    /// as likely, so that points which lie evenly over a cell still do (Metropolis et al. 1953).
+    fn moved(&self, cells: &Cells, cell: &FoundCell, from: &Surface, u: Vec2, rays: &mut RayCounts) -> Surface {
+        let frame = Frame::from_normal(from.ng);
+        let step = (2.0 * u - 1.0) * STEP * cell.width;
+        let lifted = from.p + HEIGHT * cell.width * from.ng;
+        let over = lifted + step.x * frame.s + step.y * frame.t;
+        let way = Ray { t_max: step.length(), ..Ray::new(lifted, (over - lifted).normalize_or(Vec3A::Z)) };
+        rays.path += 2;
+        if self.scene.occluded(&way) {
+            return *from;
+        }
+        let down = Ray { t_max: 2.0 * HEIGHT * cell.width, ..Ray::new(over, -from.ng) };
+        let Some(hit) = self.scene.intersect(&down) else { return *from };
+        let surface = self.scene.surface(&down, &hit);
+        let is_in_cell = cells.cell_of(&surface) == cells.table.find(cell.key);
+        let has_diffuse = || Shading::new(self.scene, surface, down.direction).bsdf.has_diffuse();
+        if is_in_cell && has_diffuse() { surface } else { *from }
+    }
+}
