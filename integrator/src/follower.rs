@@ -4,7 +4,7 @@
 use std::iter::zip;
 
 use glam::{Vec3, Vec3A};
-use scene::{Lobes, Scene, Surface};
+use scene::{LightChoice, Lobes, Scene, Surface};
 
 use crate::sampler::Sampler;
 use crate::secondary::{Secondary, Shading};
@@ -64,6 +64,10 @@ impl<S: Secondary> Visitor for Answer<'_, S> {
         let reflection = &mut self.reflection;
         let sum = if self.is_turned { &mut reflection.turned[self.turns - 1].radiance } else { &mut reflection.even };
         *sum += radiance;
+    }
+
+    fn light_choice(&self) -> Option<&LightChoice> {
+        self.follower.secondary.light_choice()
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {

@@ -45,6 +45,11 @@ pub trait Secondary: Sync {
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         self.caustic_irradiance(surface)
     }
+
+    /// How lights of the scene are chosen at diffuse surfaces that gather rays meet, where something was learnt of that.
+    fn light_choice(&self) -> Option<&LightChoice> {
+        None
+    }
 }
 
 /// Knows nothing: every path goes on by itself. Caustics, which no path looks for, are black.

@@ -3,7 +3,7 @@
 //! stack of a thread.
 
 use glam::{Vec2, Vec3, Vec3A};
-use scene::{Lobes, Scene, Specular, Surface};
+use scene::{LightChoice, Lobes, Scene, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::secondary::{DirectLight, LightWays, Shading, light_candidates, mis_weight, unsampled_emission};
@@ -44,6 +44,9 @@ pub(crate) trait Visitor {
 
     /// Irradiance by caustics at a surface.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
+
+    /// How lights of the scene are chosen at diffuse surfaces, where something was learnt of that.
+    fn light_choice(&self) -> Option<&LightChoice>;
 }
 
 /// Walks on from a surface that a ray met. Emission there is not counted, and neither is light that came to the surface
@@ -70,7 +73,9 @@ pub(crate) fn walk(
         let candidates = light_candidates(scene, &shading);
         if taken != Taken::All || bsdf.has_glossy() {
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
-            let ways = LightWays { count: candidates, choice: None, sky: None };
+            // What gloss meets by chance is weighed by the density of a choice that knows nothing.
+            let choice = visitor.light_choice().filter(|_| !bsdf.has_glossy());
+            let ways = LightWays { count: candidates, choice, sky: None };
             let u = sampler.next_4d_for(candidates > 1 || scene.lights().has_choice());
             if let Some((wi, value)) = DirectLight::new(scene, &shading, lobes, ways).sample_way(u, rays) {
                 if bounce == 1 {

@@ -10,18 +10,22 @@ use std::iter::zip;
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Lobes, Ray, Surface};
+use scene::{LightChoice, Lobes, Ray, Surface};
 
-use super::probe::FoundCell;
+use super::probe::{FoundCell, spread};
 use super::solve::Row;
 use super::{CellBuilder, Cells, white};
 use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{LightWays, Shading, direct_light};
-use crate::sky::luminance;
+use crate::sky::{SkySplit, luminance};
 use crate::statistics::{RayCounts, map_counting};
+use crate::terms::light_guide::{few, lessons};
 
 /// The relative variance of all light that is small enough, times the rays for links: 1 % of error with 250,000.
 const VARIANCE: f64 = 25.0;
+
+/// So many cells learn which lights reach them.
+const LEARNERS: usize = 2048;
 
 /// Steps from one of the points that stand for a cell to one that is sampled; their length, at most, and the height of
 /// their way, as shares of the width of the cell.
@@ -61,9 +65,35 @@ impl LampSamples {
 }
 
 impl CellBuilder<'_> {
+    /// How lights are chosen in all cells, by what samples in some of them find; `None` where there is nothing to
+    /// choose, or too much.
+    pub(super) fn light_choice(
+        &self,
+        sky: Option<&SkySplit>,
+        found: &[FoundCell],
+        rays: &mut RayCounts,
+    ) -> Option<LightChoice> {
+        let lights = sky.map_or(self.scene.lights(), SkySplit::lights);
+        if !lights.has_choice() || few(lights).is_none() {
+            return None;
+        }
+        let learners: Vec<&FoundCell> = spread(found, LEARNERS).collect();
+        let learnt = map_counting(learners.into_par_iter(), rays, |cell, rays| {
+            let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, 3), 0);
+            lessons(self.scene, sky, &white(&cell.points[0]), &mut sampler, rays).collect::<Vec<_>>()
+        });
+        lights.learnt_choice(&learnt.concat())
+    }
+
     /// Irradiance by one sample of a lamp, W m^-2.
-    pub(super) fn lamp_light(&self, white: &Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        let ways = LightWays { count: 1, choice: None, sky: self.sky };
+    pub(super) fn lamp_light(
+        &self,
+        choice: Option<&LightChoice>,
+        white: &Shading,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        let ways = LightWays { count: 1, choice, sky: self.sky };
         let u = sampler.next_4d_for(self.scene.lights().has_choice());
         // A white surface reflects irradiance / pi.
         direct_light(self.scene, white, Lobes::DIFFUSE, ways, u, rays) * std::f32::consts::PI
@@ -75,6 +105,7 @@ impl CellBuilder<'_> {
         &self,
         cells: &Cells,
         found: &[FoundCell],
+        choice: Option<&LightChoice>,
         rows: &[Row],
         lamps: &mut [LampSamples],
         rays: &mut RayCounts,
@@ -90,11 +121,18 @@ impl CellBuilder<'_> {
             return;
         }
         // Before one is given up as dark, all points of it are asked.
-        self.sample_lamps(found, lamps, rays, |cell, _| cell.points.len() as f64, |cell, i, _, _| cell.points[i]);
+        self.sample_lamps(
+            found,
+            choice,
+            lamps,
+            rays,
+            |cell, _| cell.points.len() as f64,
+            |cell, i, _, _| cell.points[i],
+        );
         let stakes: f64 = zip(found, &*lamps).map(|(cell, lamps)| lamps.stake(cell)).sum();
         let share = (stakes / allowed).min(budget / stakes);
         let wanted = |cell: &FoundCell, lamps: &LampSamples| share * lamps.stake(cell);
-        self.sample_lamps(found, lamps, rays, wanted, |cell, i, sampler, rays| {
+        self.sample_lamps(found, choice, lamps, rays, wanted, |cell, i, sampler, rays| {
             let start = cell.points[i % cell.points.len()];
             (0..STEPS).fold(start, |point, _| self.moved(cells, cell, &point, sampler.next_pair(), rays))
         });
@@ -104,6 +142,7 @@ impl CellBuilder<'_> {
     fn sample_lamps(
         &self,
         found: &[FoundCell],
+        choice: Option<&LightChoice>,
         lamps: &mut [LampSamples],
         rays: &mut RayCounts,
         wanted: impl Fn(&FoundCell, &LampSamples) -> f64 + Sync,
@@ -114,7 +153,7 @@ impl CellBuilder<'_> {
             for i in lamps.count..wanted(cell, lamps) as u32 {
                 let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, 2), i);
                 let point = point(cell, i as usize, &mut sampler, rays);
-                lamps.add(self.lamp_light(&white(&point), &mut sampler, rays));
+                lamps.add(self.lamp_light(choice, &white(&point), &mut sampler, rays));
             }
         });
     }

@@ -26,7 +26,7 @@ mod table;
 use glam::{IVec3, UVec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Bsdf, Scene, Specular, Surface};
+use scene::{Bsdf, LightChoice, Scene, Specular, Surface};
 
 use self::lamps::LampSamples;
 use self::probe::{FoundCell, LEVELS, Probes, Slab, spread};
@@ -59,6 +59,8 @@ pub(crate) struct Cells {
     table: Table,
     /// By the numbers of the table.
     cells: Vec<Cell>,
+    /// How lights of the scene are chosen where rays go on from what they met.
+    light_choice: Option<LightChoice>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -89,8 +91,12 @@ impl CellBuilder<'_> {
         let Some(found) = probes.find(size, rays) else { return Cells::default() };
         let table = Table::new(found.cells.iter().map(|cell| cell.key), &found.cut);
         let dark = |cell: &FoundCell| Cell { width: cell.width, slab: cell.slab, light: CellLight::default() };
-        let mut cells = Cells { width: found.width, table, cells: found.cells.iter().map(dark).collect() };
+        let light_choice = self.light_choice(None, &found.cells, rays);
+        let cells = found.cells.iter().map(dark).collect();
+        let mut cells = Cells { width: found.width, table, cells, light_choice };
         let found = found.cells;
+        let under_sky = self.sky.and_then(|sky| self.light_choice(Some(sky), &found, rays));
+        let choice = if self.sky.is_some() { under_sky.as_ref() } else { cells.light_choice.as_ref() };
         // What is met more often gets more rays: the noise of its links counts more often.
         let hits: usize = found.iter().map(|cell| cell.hits).sum();
         let budget = self.ray_budget as usize;
@@ -99,9 +105,9 @@ impl CellBuilder<'_> {
         let (mut rows, mut lamps): (Vec<Row>, Vec<LampSamples>) = found
             .par_iter()
             .enumerate()
-            .map(|(cell, found)| self.row(&cells, cell as u64, &found.points, ray_count(found)))
+            .map(|(cell, found)| self.row(&cells, choice, cell as u64, &found.points, ray_count(found)))
             .unzip();
-        self.add_lamp_samples(&cells, &found, &rows, &mut lamps, rays);
+        self.add_lamp_samples(&cells, &found, choice, &rows, &mut lamps, rays);
         for (row, lamps) in rows.iter_mut().zip(lamps) {
             row.direct += lamps.mean();
             *rays += row.rays;
@@ -112,7 +118,14 @@ impl CellBuilder<'_> {
         cells
     }
 
-    fn row(&self, cells: &Cells, cell: u64, points: &[Surface], ray_count: usize) -> (Row, LampSamples) {
+    fn row(
+        &self,
+        cells: &Cells,
+        choice: Option<&LightChoice>,
+        cell: u64,
+        points: &[Surface],
+        ray_count: usize,
+    ) -> (Row, LampSamples) {
         let points: Vec<Shading> = points.iter().map(white).collect();
         let mut row = Row {
             direct: Vec3::ZERO,
@@ -129,7 +142,7 @@ impl CellBuilder<'_> {
             let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
             // A white surface reflects irradiance / pi.
             let pi = std::f32::consts::PI * share;
-            lamps.add(self.lamp_light(point, &mut sampler, &mut row.rays));
+            lamps.add(self.lamp_light(choice, point, &mut sampler, &mut row.rays));
             if self.scene.features().emissive_unsampled {
                 row.direct += unsampled_emission(self.scene, point, sampler.next_pair(), &mut row.rays) * pi;
             }
@@ -173,6 +186,10 @@ impl Visitor for LinkWalk<'_> {
 
     fn add(&mut self, radiance: Vec3) {
         self.row.source += self.share * std::f32::consts::PI * radiance;
+    }
+
+    fn light_choice(&self) -> Option<&LightChoice> {
+        self.cells.light_choice.as_ref()
     }
 
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
@@ -227,6 +244,10 @@ impl Secondary for CellSource<'_> {
 
     fn caustic_coverage(&self, surface: &Surface) -> f32 {
         self.photons.caustic_coverage(surface)
+    }
+
+    fn light_choice(&self) -> Option<&LightChoice> {
+        self.cells.light_choice.as_ref()
     }
 
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
@@ -332,6 +353,33 @@ mod tests {
         assert!(lit.len() > 100 && dark.len() > 70, "{} and {} of 128", lit.len(), dark.len());
         let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
         assert!(mean(&dark) < 0.05 * mean(&lit), "{} and {}", mean(&dark), mean(&lit));
+    }
+
+    #[test]
+    fn a_lamp_is_found_where_a_roof_hides_the_sun() {
+        let wall = |x: f32| [(0.0, -2.0), (0.0, 2.0), (1.0, 2.0), (1.0, -2.0)].map(|(y, z)| Vec3::new(x, y, z));
+        let turned = |corners: [Vec3; 4]| corners.map(|p| Vec3::new(p.z, p.y, p.x));
+        let walls = [wall(-2.0), wall(2.0), turned(wall(-2.0)), turned(wall(2.0))];
+        let room = [&[square(2.0, 0.0), square(2.0, 1.0)], &walls[..]].concat().concat();
+        let lamp = PunctualLight::Point { position: 0.9 * Vec3::Y, intensity: Vec3::ONE };
+        let sun = PunctualLight::Directional { direction: Vec3::new(0.2, -1.0, 0.1), irradiance: Vec3::splat(1e5) };
+        let mean = |lights: Vec<PunctualLight>| {
+            let description = Description {
+                meshes: vec![squares(room.clone(), |_| 0)],
+                materials: vec![Material::default()],
+                lights,
+                camera: camera(),
+                ..Description::default()
+            };
+            let (scene, cells) = cells_of(description, 1);
+            let place = |i: u16| (f32::from(i) + 0.5) / 10.0 - 1.6;
+            let places = (0..32).flat_map(|x| (0..32).map(move |z| (place(x), place(z))));
+            let light: Vec<f32> = places.filter_map(|(x, z)| direct_at(&scene, &cells, x, z)).collect();
+            assert!(light.len() > 900, "{} of 1024", light.len());
+            light.iter().sum::<f32>() / light.len() as f32
+        };
+        let (alone, both) = (mean(vec![lamp]), mean(vec![lamp, sun]));
+        assert!((both / alone - 1.0).abs() < 0.05, "{both} instead of {alone}");
     }
 
     #[test]

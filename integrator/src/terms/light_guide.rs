@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
-use scene::{LightChoice, LightDirection, LightLesson, Lobes, Scene};
+use scene::{LightChoice, LightDirection, LightLesson, Lights, Lobes, Scene};
 
 use super::tiles::{self, around, tile};
 use crate::sampler::{Sampler, hash_pair, in_cell};
@@ -18,8 +18,13 @@ use crate::secondary::{Shading, lights_of, unshadowed};
 use crate::sky::SkySplit;
 use crate::statistics::{RayCounts, map_counting};
 
-/// Light samples of a primary ray that learns.
+/// Light samples of a point that learns.
 const LIGHT_SAMPLES: u32 = 8;
+/// Of few lights, one of so many samples takes any, however little it may bring: beside a sun that is a million times
+/// as strong a lamp would have no lesson otherwise, and where a roof hides the sun there would be no light at all.
+const ANY_EVERY: u32 = 4;
+/// Most lights that are few. Of more, a place learns too little of each.
+const MOST_FEW: u32 = 256;
 /// Most mirrors and panes before a surface that learns.
 const MAX_CHAIN: usize = 8;
 /// Keeps these random numbers apart from those of the picture.
@@ -111,6 +116,61 @@ pub(crate) fn takes_guide(shading: &Shading, sky: Option<&SkySplit>) -> bool {
     if shading.bsdf.has_glossy() { sky.is_none() } else { shading.bsdf.has_diffuse() }
 }
 
+/// How many lights there are, if they are so few that all of them are tried.
+pub(crate) fn few(lights: &Lights) -> Option<u32> {
+    u32::try_from(lights.count()).ok().filter(|&count| count <= MOST_FEW)
+}
+
+/// What light samples find at a point, as if each were chosen by what it may bring alone.
+pub(crate) fn lessons<'a>(
+    scene: &'a Scene,
+    sky: Option<&'a SkySplit>,
+    shading: &'a Shading,
+    sampler: &mut Sampler,
+    rays: &'a mut RayCounts,
+) -> impl Iterator<Item = LightLesson> + 'a {
+    let all = lights_of(scene, shading, sky);
+    let mut lights = all.seen_from(shading.surface.p, shading.surface.n);
+    let few = few(all);
+    let even = 1.0 / all.count() as f32;
+    let any_share = if few.is_some() { 1.0 / ANY_EVERY as f32 } else { 0.0 };
+    (0..).zip(sampler.split_into(LIGHT_SAMPLES)).filter_map(move |(number, mut sampler)| {
+        let [u_choice, u, v, u_any] = sampler.next_4d();
+        let (light, probability) = if let Some(count) = few.filter(|_| number % ANY_EVERY == 0) {
+            let light = hemimap::texel_index(u_any, count) as usize;
+            (light, lights.probability(light))
+        } else {
+            lights.choose(u_choice)?
+        };
+        let chosen = probability + (even - probability) * any_share;
+        let count = probability / chosen;
+        let direction = lights.direction_to_one(light, probability, Vec2::new(u, v));
+        let value = direction.map_or(0.0, |direction| value(scene, sky, shading, &direction, rays));
+        let moment = count * value * value;
+        (count > 0.0 && moment.is_finite()).then_some(LightLesson { light, count, moment })
+    })
+}
+
+/// What a light sample counts.
+fn value(
+    scene: &Scene,
+    sky: Option<&SkySplit>,
+    shading: &Shading,
+    direction: &LightDirection<'_>,
+    rays: &mut RayCounts,
+) -> f32 {
+    let wi = shading.frame.to_local(direction.wi());
+    if wi.z <= 0.0 || !shading.leaves(direction.wi(), wi) {
+        return 0.0;
+    }
+    rays.shadow += 1;
+    if scene.occluded(&shading.surface.shadow_ray(direction.wi(), direction.distance())) {
+        return 0.0;
+    }
+    let Some(sample) = direction.sample() else { return 0.0 };
+    unshadowed(&shading.bsdf, Lobes::ALL, shading.wo, wi, &sample, sky).max_element()
+}
+
 struct Learner<'a> {
     scene: &'a Scene,
     sky: Option<&'a SkySplit>,
@@ -122,38 +182,12 @@ struct Learner<'a> {
 impl Learner<'_> {
     /// Samples lights where one primary ray ends.
     fn lessons(&self, number: u32, rays: &mut RayCounts) -> Vec<Lesson> {
-        let mut lessons = Vec::new();
         let mut sampler = Sampler::new(self.seed, u64::from(number), 0);
         let film = in_cell(number, self.side, sampler.next_pair()) * self.size.as_vec2();
-        let Some(shading) = self.first_lit(film, &mut sampler, rays) else { return lessons };
-        let surface = &shading.surface;
-        let tile = tile(film, self.size, surface.n);
-        let mut lights = lights_of(self.scene, &shading, self.sky).seen_from(surface.p, surface.n);
-        for mut sampler in sampler.split_into(LIGHT_SAMPLES) {
-            let [u_choice, u, v, _] = sampler.next_4d();
-            let Some((light, probability)) = lights.choose(u_choice) else { continue };
-            let direction = lights.direction_to_one(light, probability, Vec2::new(u, v));
-            let value = direction.map_or(0.0, |direction| self.value(&shading, &direction, rays));
-            let moment = value * value;
-            if moment.is_finite() {
-                lessons.push(Lesson { tile, learnt: LightLesson { light, count: 1.0, moment } });
-            }
-        }
-        lessons
-    }
-
-    /// What a light sample counts.
-    fn value(&self, shading: &Shading, direction: &LightDirection<'_>, rays: &mut RayCounts) -> f32 {
-        let wi = shading.frame.to_local(direction.wi());
-        if wi.z <= 0.0 || !shading.leaves(direction.wi(), wi) {
-            return 0.0;
-        }
-        rays.shadow += 1;
-        if self.scene.occluded(&shading.surface.shadow_ray(direction.wi(), direction.distance())) {
-            return 0.0;
-        }
-        let Some(sample) = direction.sample() else { return 0.0 };
-        unshadowed(&shading.bsdf, Lobes::ALL, shading.wo, wi, &sample, self.sky).max_element()
+        let Some(shading) = self.first_lit(film, &mut sampler, rays) else { return Vec::new() };
+        let tile = tile(film, self.size, shading.surface.n);
+        let learnt = lessons(self.scene, self.sky, &shading, &mut sampler, rays);
+        learnt.map(|learnt| Lesson { tile, learnt }).collect()
     }
 
     /// The surface that a pixel shows, in mirrors and behind glass too, if it takes a guide.
@@ -191,17 +225,19 @@ mod tests {
 
     /// A floor under a roof at y = 2 with two lamps below it; the `hidden` ones above it shine on nothing that the
     /// camera sees.
-    fn roofed(hidden: u32) -> Scene {
+    fn roofed(hidden: u32, intensity: f32) -> Scene {
         let mesh = Mesh {
             positions: [square(4.0, 0.0), square(9.0, 2.0)].concat(),
             triangles: vec![[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]],
             materials: vec![0; 4],
             ..Mesh::default()
         };
-        let lamps = [(-2.0, 1.5), (2.0, 1.0)]
-            .into_iter()
-            .chain((0..hidden).map(|i| (-2.0 + 4.0 * i as f32 / hidden as f32, 2.5)));
-        let lamp = |(x, y)| PunctualLight::Point { position: Vec3::new(x, y, 0.0), intensity: Vec3::ONE };
+        let hidden = (0..hidden).map(|i| (-2.0 + 4.0 * i as f32 / hidden as f32, 2.5, intensity));
+        let lamps = [(-2.0, 1.5, 1.0), (2.0, 1.0, 1.0)].into_iter().chain(hidden);
+        let lamp = |(x, y, intensity)| PunctualLight::Point {
+            position: Vec3::new(x, y, 0.0),
+            intensity: Vec3::splat(intensity),
+        };
         let camera =
             Camera { eye: Vec3::new(0.0, 1.0, 3.0), at: Vec3::new(0.0, 0.0, 0.5), up: Vec3::Y, fov_y_degrees: 60.0 };
         Scene::new(Description {
@@ -218,7 +254,7 @@ mod tests {
     fn lamps_behind_the_roof_are_seldom_chosen_and_no_light_is_lost() {
         // Few are looked at one by one, of many a tree chooses.
         for hidden in [4, 200] {
-            spares_hidden_lamps(&roofed(hidden));
+            spares_hidden_lamps(&roofed(hidden, 1.0));
         }
     }
 
@@ -255,6 +291,23 @@ mod tests {
         let error = ((noise + blind_noise) / f64::from(COUNT)).sqrt();
         assert!((guided - blind).abs() < 4.0 * error, "{guided} and {blind} +- {error}");
         assert!(noise < 0.4 * blind_noise, "{noise} of {blind_noise}");
+    }
+
+    #[test]
+    fn a_lamp_is_found_beside_a_hidden_one_that_is_much_stronger() {
+        let scene = roofed(1, 1e5);
+        let size = UVec2::splat(64);
+        let guide = LightGuide::learn(&scene, None, 48, size, 1, &mut RayCounts::default()).expect("the floor is lit");
+        let positions = (0..16).map(|x| UVec2::new(4 * x + 2, 50));
+        for position in positions {
+            let ray = scene.camera_ray(position.as_vec2() + 0.5, size);
+            let shading = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
+            let Surface { p, n, .. } = shading.surface;
+            assert!(n.y > 0.9, "the floor");
+            let hidden = |choice| scene.lights().seen_by(p, n, choice).probability(2);
+            let choice = guide.at(position, &shading).expect("every tile of the floor has learnt");
+            assert!(hidden(None) > 0.999 && hidden(Some(choice)) < 0.95, "{position}: {}", hidden(Some(choice)));
+        }
     }
 
     #[test]
