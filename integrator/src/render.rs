@@ -170,7 +170,15 @@ fn solve_cells(
     }
     progress(Progress { phase: "cells", done: 0.0 });
     let seed = hash_pair(settings.seed, CELL_STREAM);
-    let builder = CellBuilder { scene, sky, photons, seed, probe_rays: plan.probe_rays, ray_budget: plan.cell_rays };
+    let builder = CellBuilder {
+        scene,
+        sky,
+        photons,
+        seed,
+        probe_rays: plan.probe_rays,
+        ray_budget: plan.cell_rays,
+        learns_lights: plan.samples.light_learners > 0,
+    };
     let cells = builder.build(settings.size, &mut statistics.rays);
     statistics.memory.cells = cells.memory_bytes() as u64;
     progress(Progress { phase: "cells", done: 1.0 });

@@ -260,6 +260,12 @@ fn libraries_are_found_in_other_folders_and_read_once() {
         let loaded = scene::load(&folder.path().join("a/a.obj"), &scene::LoadOptions::default()).unwrap();
         assert_eq!(loaded.description.materials[0].diffuse, Vec3::X, "{library}");
     }
+    // What another machine wrote as an absolute path is looked for beside; a relative one is not.
+    for (library, found) in [("C:\\models\\x.mtl", true), ("/nowhere/x.mtl", true), ("nowhere/x.mtl", false)] {
+        let text = format!("mtllib {library}\n{CORNERS}usemtl m\nf 1 2 3\n");
+        let loaded = load_files(&[("a.obj", text.as_bytes()), ("x.mtl", b"newmtl m\nKd 1 0 0\n")]).unwrap();
+        assert_eq!(loaded.description.materials[0].diffuse == Vec3::X, found, "{library}");
+    }
     let library: String = (0..1000).map(|i| format!("newmtl m{i}\nKd 0.5\n")).collect();
     let thousand = format!("{}{CORNERS}usemtl m7\nf 1 2 3\n", "mtllib x.mtl\nmtllib ./x.mtl\n".repeat(1000));
     let loaded = load_files(&[("a.obj", thousand.as_bytes()), ("x.mtl", library.as_bytes())]).unwrap();

@@ -3,7 +3,7 @@
 //! A patch of sun on a floor may be the light of a whole room, and lie in four cells. A cell of which the patch takes a
 //! fifth is 25 % off with the 64 points that stand for it, and so is the room. So cells get samples by what is at stake,
 //! their light's standard deviation times how often they are met (Neyman 1934), until the error of all light is small
-//! enough; in most scenes it is so from the start.
+//! enough; in most scenes it is so from the start. What is at stake is told by samples that do not count themselves.
 
 use std::iter::zip;
 
@@ -21,11 +21,16 @@ use crate::sky::{SkySplit, luminance};
 use crate::statistics::{RayCounts, map_counting};
 use crate::terms::light_guide::{few, lessons};
 
-/// The relative variance of all light that is small enough, times the rays for links: 1 % of error with 250,000.
+/// The relative variance of all light that is small enough, times the rays for links: 1 % of error with 250,000 rays.
 const VARIANCE: f64 = 25.0;
 
-/// So many cells learn which lights reach them.
+/// At most so many cells learn which lights reach them, one for so many rays for links.
 const LEARNERS: usize = 2048;
+const LINKS_PER_LEARNER: usize = 64;
+
+/// Samples in each cell that tell where others are wanted: one for so many rays for links, but this many at least.
+const LINKS_PER_PILOT: f64 = 4.0;
+const PILOTS: [f64; 2] = [4.0, 64.0];
 
 /// Steps from one of the points that stand for a cell to one that is sampled; their length, at most, and the height of
 /// their way, as shares of the width of the cell.
@@ -74,10 +79,11 @@ impl CellBuilder<'_> {
         rays: &mut RayCounts,
     ) -> Option<LightChoice> {
         let lights = sky.map_or(self.scene.lights(), SkySplit::lights);
-        if !lights.has_choice() || few(lights).is_none() {
+        if !self.learns_lights || !lights.has_choice() || few(lights).is_none() {
             return None;
         }
-        let learners: Vec<&FoundCell> = spread(found, LEARNERS).collect();
+        let learners: Vec<&FoundCell> =
+            spread(found, LEARNERS.min(self.ray_budget as usize / LINKS_PER_LEARNER)).collect();
         let learnt = map_counting(learners.into_par_iter(), rays, |cell, rays| {
             let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, 3), 0);
             lessons(self.scene, sky, &white(&cell.points[0]), &mut sampler, rays).collect::<Vec<_>>()
@@ -99,8 +105,7 @@ impl CellBuilder<'_> {
         direct_light(self.scene, white, Lobes::DIFFUSE, ways, u, rays) * std::f32::consts::PI
     }
 
-    /// Takes more samples of lamps in the cells where it counts, if it does in any. `lamps` are those that were taken
-    /// at the cells' points, in turn.
+    /// Takes more samples of lamps in the cells where it counts, if it does in any.
     pub(super) fn add_lamp_samples(
         &self,
         cells: &Cells,
@@ -117,60 +122,52 @@ impl CellBuilder<'_> {
         let budget = f64::from(self.ray_budget);
         let allowed = VARIANCE / budget * light * light;
         let noise: f64 = zip(found, &*lamps).map(|(cell, lamps)| lamps.stake(cell).powi(2) / lamps.count()).sum();
-        if !noise.is_finite() || noise <= allowed {
+        if !light.is_finite() || !noise.is_finite() || noise <= allowed {
             return;
         }
-        // Before one is given up as dark, all points of it are asked.
-        self.sample_lamps(
-            found,
-            choice,
-            lamps,
-            rays,
-            |cell, _| cell.points.len() as f64,
-            |cell, i, _, _| cell.points[i],
-        );
-        let stakes: f64 = zip(found, &*lamps).map(|(cell, lamps)| lamps.stake(cell)).sum();
-        let share = (stakes / allowed).min(budget / stakes);
-        let wanted = |cell: &FoundCell, lamps: &LampSamples| share * lamps.stake(cell);
-        self.sample_lamps(found, choice, lamps, rays, wanted, |cell, i, sampler, rays| {
-            let start = cell.points[i % cell.points.len()];
-            (0..STEPS).fold(start, |point, _| self.moved(cells, cell, &point, sampler.next_pair(), rays))
-        });
-    }
-
-    /// Takes samples until each cell has as many as are `wanted`. `point` tells where the sample of a number is taken.
-    fn sample_lamps(
-        &self,
-        found: &[FoundCell],
-        choice: Option<&LightChoice>,
-        lamps: &mut [LampSamples],
-        rays: &mut RayCounts,
-        wanted: impl Fn(&FoundCell, &LampSamples) -> f64 + Sync,
-        point: impl Fn(&FoundCell, usize, &mut Sampler, &mut RayCounts) -> Surface + Sync,
-    ) {
-        map_counting(found.par_iter().zip(lamps), rays, |(cell, lamps), rays| {
+        let pilots = (budget / (LINKS_PER_PILOT * found.len() as f64)).clamp(PILOTS[0], PILOTS[1]);
+        let sample = |(cell, lamps): (&FoundCell, &mut LampSamples), stream: u64, count: f64, rays: &mut RayCounts| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the budget of rays")]
-            for i in lamps.count..wanted(cell, lamps) as u32 {
-                let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, 2), i);
-                let point = point(cell, i as usize, &mut sampler, rays);
+            for i in 0..count as u32 {
+                let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, stream), i);
+                let start = cell.points[i as usize % cell.points.len()];
+                let point =
+                    (0..STEPS).fold(start, |point, _| self.moved(cells, cell, &point, sampler.next_pair(), rays));
                 lamps.add(self.lamp_light(choice, &white(&point), &mut sampler, rays));
             }
+        };
+        // Samples that decide how many others there are do not count themselves: light that they miss by chance, and so
+        // would never get more, would be lost.
+        let stakes = map_counting(found.par_iter(), rays, |cell, rays| {
+            let mut lamps = LampSamples::default();
+            sample((cell, &mut lamps), 2, pilots, rays);
+            lamps.stake(cell)
+        });
+        let all: f64 = stakes.iter().sum();
+        if all == 0.0 || !all.is_finite() {
+            return;
+        }
+        let share = (all / allowed).min(budget / all);
+        map_counting(found.par_iter().zip(lamps).zip(stakes), rays, |(at, stake), rays| {
+            sample(at, 4, share * stake, rays);
         });
     }
 
-    /// A point of the same cell near another; the same one if that is out of its sight or of the cell. The way back is
-    /// as likely, so that points which lie evenly over a cell still do (Metropolis et al. 1953).
+    /// A point of the same cell near another; the same one if that is out of its sight or of the cell. On a flat cell the
+    /// way back is as likely, so that points which lie evenly over it still do (Metropolis et al. 1953).
     fn moved(&self, cells: &Cells, cell: &FoundCell, from: &Surface, u: Vec2, rays: &mut RayCounts) -> Surface {
         let frame = Frame::from_normal(from.ng);
         let step = (2.0 * u - 1.0) * STEP * cell.width;
         let lifted = from.p + HEIGHT * cell.width * from.ng;
         let over = lifted + step.x * frame.s + step.y * frame.t;
-        let way = Ray { t_max: step.length(), ..Ray::new(lifted, (over - lifted).normalize_or(Vec3A::Z)) };
-        rays.path += 2;
+        let Ray { media, .. } = from.spawn(from.ng);
+        let way = Ray { t_max: step.length(), media, ..Ray::new(lifted, (over - lifted).normalize_or(Vec3A::Z)) };
+        rays.path += 1;
         if self.scene.occluded(&way) {
             return *from;
         }
-        let down = Ray { t_max: 2.0 * HEIGHT * cell.width, ..Ray::new(over, -from.ng) };
+        rays.path += 1;
+        let down = Ray { t_max: 2.0 * HEIGHT * cell.width, media, ..Ray::new(over, -from.ng) };
         let Some(hit) = self.scene.intersect(&down) else { return *from };
         let surface = self.scene.surface(&down, &hit);
         let is_in_cell = cells.cell_of(&surface) == cells.table.find(cell.key);

@@ -253,7 +253,8 @@ impl Slab {
 
 /// At most so many of some items, evenly chosen.
 pub(super) fn spread<T>(items: &[T], count: usize) -> impl Iterator<Item = &T> {
-    items.iter().step_by(items.len().div_ceil(count).max(1))
+    let count = count.min(items.len());
+    (0..count).map(move |i| &items[i * items.len() / count])
 }
 
 /// The median distance of what gather rays met; `None` if that was nothing.

@@ -4,7 +4,7 @@
 //! shine in other rooms. So some primary rays are traced beforehand, light samples with them, and the picture's tiles
 //! remember for each side of the normal what samples of each light found. By that lights are chosen there
 //! ([`Lights::learnt_choice`](scene::Lights::learnt_choice)), all of them still, so that a wrong lesson costs noise and
-//! no bias.
+//! no bias. Cells learn in the same way, all of them together, for what gather rays meet.
 
 use std::ops::Range;
 
@@ -144,10 +144,13 @@ pub(crate) fn lessons<'a>(
         };
         let chosen = probability + (even - probability) * any_share;
         let count = probability / chosen;
+        if count == 0.0 {
+            return None;
+        }
         let direction = lights.direction_to_one(light, probability, Vec2::new(u, v));
         let value = direction.map_or(0.0, |direction| value(scene, sky, shading, &direction, rays));
         let moment = count * value * value;
-        (count > 0.0 && moment.is_finite()).then_some(LightLesson { light, count, moment })
+        moment.is_finite().then_some(LightLesson { light, count, moment })
     })
 }
 

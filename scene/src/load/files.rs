@@ -71,17 +71,15 @@ impl<'a> Files<'a> {
     }
 
     /// Returns the path that `name` in the file `from` means: relative to its folder, with `\` for `/` where only that
-    /// exists.
+    /// exists. Where an absolute path leads to nothing, as on another machine than that which wrote it, the file of the
+    /// same name in the folder is meant.
     pub(super) fn resolve(self, from: &Path, name: &str) -> PathBuf {
         let folder = from.parent().unwrap_or(Path::new(""));
-        let path = folder.join(name);
-        if name.contains('\\') && !self.exists(&path) {
-            let turned = folder.join(name.replace('\\', "/"));
-            if self.exists(&turned) {
-                return turned;
-            }
-        }
-        path
+        let turned = name.replace('\\', "/");
+        let is_absolute = turned.starts_with('/') || turned.get(1..3) == Some(":/");
+        let last = turned.rsplit('/').next().filter(|last| is_absolute && !last.is_empty());
+        let mut ways = [Some(name), Some(&turned), last].into_iter().flatten().map(|name| folder.join(name));
+        ways.find(|path| self.exists(path)).unwrap_or_else(|| folder.join(name))
     }
 
     /// A path that is the same for all names of one file, for caches and cycles.

@@ -8,6 +8,9 @@ const TOO_DEEP: [&str; 2] = ["cannot recurse further; max recursion depth met", 
 /// What it says of one thing in braces where there is a list of them.
 const SINGLE: &str = "invalid type: map, expected a sequence";
 
+/// What it says of numbers such as -.5.
+const NO_DIGIT: &str = "invalid mantissa, expected digits";
+
 /// Translates an error about `text`, which is the file at `place`.
 pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -> LoadError {
     let start = error.span().map_or(0, |span| span.start.min(text.len()));
@@ -33,6 +36,7 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
     }
     // Our own types say what to do; the library does not.
     let (what, advice) = match message.as_str() {
+        NO_DIGIT => ("a number without a digit before its point", "write 0.5 for .5"),
         SINGLE => ("one where a list is wanted", "write it in brackets, for there may be several"),
         message => message.split_once("; ").unwrap_or((message, "see docs/scene-format.md for what is allowed")),
     };
