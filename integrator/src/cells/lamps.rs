@@ -7,12 +7,12 @@
 
 use std::iter::zip;
 
-use glam::{DVec3, Vec2, Vec3, Vec3A};
+use glam::{DVec3, Vec2, Vec3};
 use hemimap::Frame;
 use rayon::prelude::*;
 use scene::{LightChoice, Lobes, Ray, Surface};
 
-use super::probe::{FoundCell, spread};
+use super::probe::{FoundCell, SIGHT_HEIGHT, sight, spread};
 use super::solve::Row;
 use super::{CellBuilder, Cells, white};
 use crate::sampler::{Sampler, hash_pair};
@@ -28,15 +28,14 @@ const VARIANCE: f64 = 25.0;
 const LEARNERS: usize = 2048;
 const LINKS_PER_LEARNER: usize = 64;
 
-/// Samples in each cell that tell where others are wanted: one for so many rays for links, but this many at least.
+/// Samples in each cell that tell where others are wanted: one for so many rays for links, between these bounds.
 const LINKS_PER_PILOT: f64 = 4.0;
 const PILOTS: [f64; 2] = [4.0, 64.0];
 
-/// Steps from one of the points that stand for a cell to one that is sampled; their length, at most, and the height of
-/// their way, as shares of the width of the cell.
+/// Steps from one of the points that stand for a cell to one that is sampled, and their length, at most, along each
+/// axis, as a share of the width of the cell.
 const STEPS: u32 = 2;
 const STEP: f32 = 0.5;
-const HEIGHT: f32 = 0.1;
 
 /// Samples of the light of lamps in a cell, W m^-2.
 #[derive(Debug, Clone, Copy, Default)]
@@ -158,16 +157,16 @@ impl CellBuilder<'_> {
     fn moved(&self, cells: &Cells, cell: &FoundCell, from: &Surface, u: Vec2, rays: &mut RayCounts) -> Surface {
         let frame = Frame::from_normal(from.ng);
         let step = (2.0 * u - 1.0) * STEP * cell.width;
-        let lifted = from.p + HEIGHT * cell.width * from.ng;
+        let height = SIGHT_HEIGHT * cell.width;
+        let lifted = from.p + height * from.ng;
         let over = lifted + step.x * frame.s + step.y * frame.t;
         let Ray { media, .. } = from.spawn(from.ng);
-        let way = Ray { t_max: step.length(), media, ..Ray::new(lifted, (over - lifted).normalize_or(Vec3A::Z)) };
         rays.path += 1;
-        if self.scene.occluded(&way) {
+        if self.scene.occluded(&Ray { media, ..sight(lifted, over) }) {
             return *from;
         }
         rays.path += 1;
-        let down = Ray { t_max: 2.0 * HEIGHT * cell.width, media, ..Ray::new(over, -from.ng) };
+        let down = Ray { t_max: 2.0 * height, media, ..Ray::new(over, -from.ng) };
         let Some(hit) = self.scene.intersect(&down) else { return *from };
         let surface = self.scene.surface(&down, &hit);
         let is_in_cell = cells.cell_of(&surface) == cells.table.find(cell.key);

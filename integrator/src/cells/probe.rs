@@ -36,6 +36,9 @@ const MAX_WITNESSES: usize = 12;
 /// Where something was found to stand, fewer hits than this tell too little to say that it does not stand between them.
 const MIN_WITNESSES: usize = 3;
 
+/// Height of lines of sight over the surface of a cell, as a share of its width.
+pub(super) const SIGHT_HEIGHT: f32 = 0.1;
+
 /// Most mirrors, panes and glossy surfaces that a probe goes through on its way to a diffuse one.
 const MAX_WALK: u32 = 64;
 
@@ -202,14 +205,8 @@ impl Probes<'_> {
     /// Whether some neighbours among the points of a cell do not see each other just above the surface: a wall stands
     /// on it.
     fn is_divided(&self, witnesses: &[&Surface], width: f32) -> bool {
-        /// Height of the lines of sight as a share of the width of the cell.
-        const HEIGHT: f32 = 0.1;
-        witnesses.windows(2).any(|pair| {
-            let lifted = |surface: &Surface| surface.p + HEIGHT * width * surface.ng;
-            let (from, to) = (lifted(pair[0]), lifted(pair[1]));
-            let ray = Ray { t_max: from.distance(to), ..Ray::new(from, (to - from).normalize_or(Vec3A::Z)) };
-            self.scene.occluded(&ray)
-        })
+        let lifted = |surface: &Surface| surface.p + SIGHT_HEIGHT * width * surface.ng;
+        witnesses.windows(2).any(|pair| self.scene.occluded(&sight(lifted(pair[0]), lifted(pair[1]))))
     }
 }
 
@@ -249,6 +246,11 @@ impl Slab {
     pub(super) fn holds(&self, p: Vec3A) -> bool {
         (self.normal.dot(p.into()) - self.offset).abs() <= self.reach
     }
+}
+
+/// The ray from one place to another.
+pub(super) fn sight(from: Vec3A, to: Vec3A) -> Ray {
+    Ray { t_max: from.distance(to), ..Ray::new(from, (to - from).normalize_or(Vec3A::Z)) }
 }
 
 /// At most so many of some items, evenly chosen.

@@ -261,7 +261,12 @@ fn is_lit_by_highlights(samples: &Samples) -> bool {
 fn lit_share(samples: &Samples) -> f32 {
     let light = samples.radiance.iter().map(|&radiance| luminance(radiance));
     let (sum, sum_sq) = light.fold((0.0, 0.0), |(sum, sum_sq), l| (sum + l, sum_sq + l * l));
-    if sum_sq > 0.0 { sum / sum_sq * sum / samples.radiance.len() as f32 } else { 0.0 }
+    if sum_sq > 0.0 { share_of(sum, sum_sq, samples.radiance.len() as f32) } else { 0.0 }
+}
+
+/// The same of texels whose light and its square, above 0, have these sums.
+fn share_of(sum: f32, sum_sq: f32, count: f32) -> f32 {
+    sum / sum_sq * sum / count
 }
 
 /// Samples without so much of the brightest light that many texels bring the rest; `None` if none is left.
@@ -274,7 +279,7 @@ fn capped(samples: &Samples) -> Option<Samples> {
     for (number, &l) in bright.iter().enumerate() {
         let above = count - number as f32;
         let (all, all_sq) = (sum + above * l, sum_sq + above * l * l);
-        if all_sq > 0.0 && all / all_sq * all / count >= MANY_TEXELS {
+        if all_sq > 0.0 && share_of(all, all_sq, count) >= MANY_TEXELS {
             cap = l;
         }
         sum += l;
