@@ -41,6 +41,11 @@ pub(crate) fn not_negative(text: &str) -> Result<f32, String> {
     finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("it must not be negative".to_owned()) })
 }
 
+/// A finite number above 0.
+pub(crate) fn positive(text: &str) -> Result<f32, String> {
+    finite(text).and_then(|number| if number > 0.0 { Ok(number) } else { Err("it must be above 0".to_owned()) })
+}
+
 /// A relative error that can be asked for.
 pub(crate) fn error(text: &str) -> Result<f32, String> {
     let (min, max) = integrator::ERROR_RANGE;

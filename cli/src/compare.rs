@@ -91,6 +91,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode, Failure> {
         }
         files::check_writable(diff)?;
         files::check_apart(&[diff], &[&args.image, &args.reference])?;
+        files::await_files(&[diff]);
     }
     let read = |path: &Path| Picture::read(path).map_err(Failure::input);
     let (a, b) = (read(&args.image)?, read(&args.reference)?);

@@ -2,13 +2,13 @@
 //! program is interrupted is removed.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Cursor, Seek, Write};
+use std::io::{self, BufWriter, Cursor, IsTerminal, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::{Builder, NamedTempFile};
 
-use crate::failure::Failure;
+use crate::failure::{Failure, note};
 
 /// Symbolic links followed, as Linux does.
 const MAX_LINKS: usize = 40;
@@ -94,13 +94,16 @@ impl Staged {
             // stays there.
             let mut bytes = Cursor::new(Vec::new());
             fill(&mut bytes)?;
-            return File::options().append(true).open(&target)?.write_all(bytes.get_ref());
+            let written = File::options().append(true).open(&target)?.write_all(bytes.get_ref());
+            // Whoever read it went away, which is their right.
+            return written
+                .or_else(|error| if error.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(error) });
         }
         let old = fs::metadata(&target).ok();
         let file = {
             let mut pending = pending();
             let file = beside(&target)?;
-            pending.push(file.path().to_owned());
+            pending.begun.push(file.path().to_owned());
             file
         };
         let mut buffered = BufWriter::new(file.as_file());
@@ -120,8 +123,9 @@ impl Staged {
         let mut pending = pending();
         for (path, file, target) in self.files {
             file.persist(target).map_err(|failed| Failure::unwritable(&path, &failed.error))?;
+            pending.awaited.retain(|awaited| *awaited != path);
         }
-        pending.clear();
+        pending.begun.clear();
         Ok(())
     }
 }
@@ -135,21 +139,39 @@ pub(crate) fn write_all(files: &[(&Path, Vec<u8>)]) -> Result<(), Failure> {
     staged.finish()
 }
 
-/// Files beside their places, which nobody would remove if the program were ended. The only state that is shared with
-/// the handler of signals; whoever holds it keeps that waiting.
-static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// What is not done when the program is interrupted.
+struct Pending {
+    /// Files that are to be written, by the names that were asked for.
+    awaited: Vec<PathBuf>,
+    /// Files beside their places, which nobody would remove if the program were ended.
+    begun: Vec<PathBuf>,
+}
 
-fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
+/// The only state that is shared with the handler of signals; whoever holds it keeps that waiting.
+static PENDING: Mutex<Pending> = Mutex::new(Pending { awaited: Vec::new(), begun: Vec::new() });
+
+fn pending() -> MutexGuard<'static, Pending> {
     PENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes what is not finished and ends the program; to be called when it is interrupted.
+/// Says which files are to be written, so that an interruption can name those that are not.
+pub(crate) fn await_files(paths: &[&Path]) {
+    pending().awaited = paths.iter().map(|&path| path.to_owned()).collect();
+}
+
+/// Removes what is not finished, names it and ends the program; to be called when it is interrupted.
 pub(crate) fn abandon(code: i32) -> ! {
     // Held until the end, so that no file is renamed any more.
     let pending = pending();
-    for path in pending.iter() {
+    for path in &pending.begun {
         // It may have its name already.
         let _ = fs::remove_file(path);
+    }
+    if !pending.awaited.is_empty() {
+        let names: Vec<String> = pending.awaited.iter().map(|path| path.display().to_string()).collect();
+        // Behind what shows how far it is.
+        let _ = io::stderr().is_terminal().then(|| writeln!(io::stderr()));
+        note(&format!("interrupted before it was written: {}", names.join(", ")));
     }
     std::process::exit(code)
 }

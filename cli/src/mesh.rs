@@ -17,7 +17,7 @@ pub(crate) struct MeshArgs {
     /// Scene (.toml)
     scene: PathBuf,
     /// Sides of the cubes that the surface is cut into, metres
-    #[arg(long, value_name = "SIZE", value_parser = args::finite)]
+    #[arg(long, value_name = "SIZE", value_parser = args::positive, allow_hyphen_values = true)]
     cell: f32,
     /// OBJ file to write
     #[arg(long, short, value_name = "FILE.obj")]
@@ -38,6 +38,7 @@ pub(crate) fn run(args: &MeshArgs) -> Result<ExitCode, Failure> {
     }
     files::check_writable(&args.out)?;
     files::check_apart(&[&args.out], &[args.scene.as_path()])?;
+    files::await_files(&[&args.out]);
     let loaded = scene::load(&args.scene, &LoadOptions::default()).map_err(Failure::input)?;
     files::check_apart(&[&args.out], &loaded.files)?;
     for warning in &loaded.warnings {

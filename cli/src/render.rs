@@ -91,6 +91,7 @@ impl RenderArgs {
         }
         let read: Vec<&Path> = self.scene.as_deref().into_iter().chain(self.view.env()).collect();
         files::check_apart(&written, &read)?;
+        files::await_files(&written);
         Ok(outputs)
     }
 
@@ -115,7 +116,9 @@ impl RenderArgs {
         let scene =
             Scene::new(description).map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
         let (rungs, records) = (self.rungs, self.records.is_some());
-        let settings = Settings { rungs, records, ..self.view.settings(&loaded.settings) };
+        let mut settings = Settings { rungs, records, ..self.view.settings(&loaded.settings) };
+        // The error says how many samples there are, whatever the scene says.
+        settings.spp = settings.spp.filter(|_| self.error.is_none());
         settings.validate().map_err(|error| Failure::Input(format!("{name}: {error}; mend the scene")))?;
         let build_seconds = start.elapsed().as_secs_f64();
         // Told only now, so that a scene that is refused gives one line.

@@ -100,6 +100,7 @@ pub(crate) fn run(args: &ChartArgs) -> Result<ExitCode, Failure> {
     for name in [CSV, MARKDOWN].map(str::to_owned).into_iter().chain(charts) {
         files::check_writable(&args.out.join(name))?;
     }
+    files::await_files(&[&args.out.join(MARKDOWN)]);
     pool(args.threads)?.install(|| args.measure(&qualities, &mut records))?;
     args.write(&records)?;
     Ok(ExitCode::SUCCESS)

@@ -129,7 +129,7 @@ impl Subject {
             reference_relmse: own.map(|own| own.plain),
             reference_robust: own.map(|own| own.robust),
             flip: Some(flip.mean),
-            ratio_of_means: Some(ratio.overall),
+            ratio_of_means: Some(ratio.overall).filter(|ratio| ratio.is_finite()),
             not_finite: rel_mse.not_finite as u64,
             width: settings.size.x,
             height: settings.size.y,

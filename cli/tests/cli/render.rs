@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use crate::common::{Run, data, folder, freelux, names};
+use crate::common::{Run, data, folder, freelux, freelux_words, names};
 use exr::prelude::{Compression, FlatImage, FlatSamples, read_all_flat_layers_from_file};
 
 const CORNELL: [&str; 6] = ["--eye", "278,273,-800", "--at=278,273,-799", "--up=0,1,0", "--fov", "39.3"];
@@ -224,6 +224,16 @@ fn an_error_that_is_asked_for_is_estimated_in_a_channel() {
     let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join("a.json")).unwrap()).unwrap();
     assert_eq!(json["error"]["is_reached"], true, "{json}");
     assert!(json["error"]["passes"].as_u64() >= Some(4), "{json}");
+
+    // The command must be one that can be given.
+    let ball = "[render]\nspp = 4\n[environment]\nradiance = 1\n\
+                [[form]]\nquadric.sphere = { center = [0, 0, 0], radius = 1 }\n";
+    fs::write(folder.path().join("ball.toml"), ball).unwrap();
+    let words = "render ball.toml --size=8x8 --error=0.5 --out=b.exr --stats=b.json --quiet";
+    freelux_words(folder.path(), words).expect_done();
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join("b.json")).unwrap()).unwrap();
+    let command = json["command"].as_str().unwrap();
+    assert!(command.contains("--error=0.5") && !command.contains("--spp"), "{command}");
 }
 
 #[test]
@@ -323,8 +333,11 @@ fn an_interruption_while_writing_leaves_neither_picture_nor_rest() {
         }
     };
     is_encoding(child.stderr.as_mut().unwrap());
-    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let kill = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(kill.success(), "the signal is sent");
-    assert_eq!(child.wait().unwrap().code(), Some(130), "as shells have it");
+    let mut told = String::new();
+    std::io::Read::read_to_string(child.stderr.as_mut().unwrap(), &mut told).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(128 + 15), "as shells have it");
+    assert!(told.ends_with("freelux: interrupted before it was written: a.exr\n"), "{told}");
     assert_eq!(names(folder.path()), [""; 0], "nothing is left");
 }
