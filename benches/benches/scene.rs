@@ -35,7 +35,7 @@ fn paths(scene: &Scene) -> [(&'static str, Vec<Ray>); 2] {
 fn rays(criterion: &mut Criterion) {
     for name in ["cornell-box/cornell-box.obj", "water-caustic/water-caustic.obj", "spot/spot.obj"] {
         let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data")).join(name);
-        let Ok(loaded) = scene::load(&path, &LoadOptions::default()) else { continue };
+        let loaded = scene::load(&path, &LoadOptions::default()).expect("a scene of the repository");
         let scene = Scene::new(loaded.description).expect("a loaded scene is right");
         let label = name.split('/').next().unwrap_or(name);
         for (kind, rays) in paths(&scene) {

@@ -117,7 +117,7 @@ fn gloss_over_a_picture_that_is_black_in_parts_keeps_the_rest() {
             picture.iter().map(|radiance| f64::from(radiance.x)).sum::<f64>() / picture.len() as f64
         };
         let expected = mean(Method::Path);
-        for method in METHODS {
+        for method in [Method::Gather, Method::Reproject, Method::CacheOnly] {
             let ratio = mean(method) / expected;
             // Stripes are met by 16,384 samples, half of them white.
             assert!((ratio - 1.0).abs() < 0.01, "{}, alpha {alpha}: ratio {ratio}", method.name());
