@@ -42,8 +42,20 @@ pub enum CodecError {
 /// Writes records: magic, version, CRC-32 of the rest, then the records by postcard.
 ///
 /// # Errors
+/// [`CodecError::Invalid`] if a record could not be read back, for a radiance in it is not finite, say;
 /// [`CodecError::Decode`] if memory for the bytes cannot be had.
 pub fn to_bytes(records: &[Record]) -> Result<Vec<u8>, CodecError> {
+    check_all(records)?;
+    encode(records)
+}
+
+/// Finds what makes no sense in any record.
+fn check_all(records: &[Record]) -> Result<(), CodecError> {
+    let find = |(record, found)| check(found).map_err(|what| CodecError::Invalid { record, what });
+    records.iter().enumerate().try_for_each(find)
+}
+
+fn encode(records: &[Record]) -> Result<Vec<u8>, CodecError> {
     let body = postcard::to_stdvec(records)?;
     let mut bytes = Vec::with_capacity(HEADER + body.len());
     bytes.extend(MAGIC);
@@ -70,12 +82,10 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Vec<Record>, CodecError> {
         return Err(CodecError::Checksum);
     }
     // Unchecked, as postcard would not pass on what is wrong with which record.
-    let records: Vec<Unchecked> = postcard::from_bytes(body)?;
-    let checked = records.into_iter().enumerate().map(|(number, Unchecked(record))| match check(&record) {
-        Ok(()) => Ok(record),
-        Err(what) => Err(CodecError::Invalid { record: number, what }),
-    });
-    checked.collect()
+    let unchecked: Vec<Unchecked> = postcard::from_bytes(body)?;
+    let records: Vec<Record> = unchecked.into_iter().map(|Unchecked(record)| record).collect();
+    check_all(&records)?;
+    Ok(records)
 }
 
 #[cfg(test)]
@@ -96,6 +106,16 @@ mod tests {
     fn records_come_back_bit_for_bit() {
         let original = records();
         assert_eq!(from_bytes(&to_bytes(&original).unwrap()).unwrap(), original);
+    }
+
+    #[test]
+    fn what_could_not_be_read_is_not_written() {
+        let mut records = records();
+        let sky = records[0].samples.distance.iter().position(|distance| distance.is_infinite()).unwrap();
+        records[0].samples.normal[sky] = Vec3::NAN;
+        assert_eq!(from_bytes(&to_bytes(&records).unwrap()).unwrap().len(), 1, "the sky has no normal");
+        records[0].samples.radiance[3].x = f32::INFINITY;
+        assert_eq!(to_bytes(&records).unwrap_err().to_string(), "record 0: a texel is not finite");
     }
 
     #[test]
@@ -124,7 +144,7 @@ mod tests {
         let wrong = |change: fn(&mut Record)| {
             let mut records = records();
             change(&mut records[0]);
-            from_bytes(&to_bytes(&records).unwrap()).unwrap_err().to_string()
+            from_bytes(&encode(&records).unwrap()).unwrap_err().to_string()
         };
         assert!(wrong(|r| r.radius = f32::NAN).contains("radius"));
         assert!(wrong(|r| r.samples.radiance[3].x = f32::INFINITY).contains("texel"));
@@ -145,6 +165,7 @@ mod tests {
         assert!(wrong(|r| r.elements.x.truncate(3)).contains("decoded"));
         assert!(wrong(|r| r.elements.size.last_mut().unwrap()[0] = 255).contains("padding"));
         assert!(wrong(|r| r.frame[0] = Vec3::ZERO).contains("orthonormal"));
+        assert!(wrong(|r| r.frame[1] += r.frame[0]).contains("orthonormal"), "skewed");
         assert!(wrong(|r| r.elements.layer_starts[1] = 1_000_000).contains("decoded"));
     }
 }

@@ -166,6 +166,9 @@ impl Elements {
     }
 
     /// The elements whose nearest texel is in a layer, 0 the nearest; they may reach into farther ones.
+    ///
+    /// # Panics
+    /// If there are fewer layers.
     #[must_use]
     pub fn layer(&self, layer: usize) -> Range<usize> {
         self.layer_starts[layer] as usize..self.layer_starts[layer + 1] as usize

@@ -57,6 +57,9 @@ impl Index {
     }
 
     /// A record by its number.
+    ///
+    /// # Panics
+    /// If there are fewer records.
     #[must_use]
     pub fn record(&self, number: usize) -> &Record {
         &self.records[number]

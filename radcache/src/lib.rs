@@ -16,6 +16,7 @@ mod validity;
 
 pub use codec::{CodecError, FORMAT_VERSION, from_bytes, to_bytes};
 pub use elements::{Elements, LANES, Sides};
+pub use glam;
 pub use grid::BallGrid;
 pub use index::{Found, Index};
 pub use layers::depth_layers;

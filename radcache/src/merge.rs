@@ -361,10 +361,13 @@ mod tests {
     #[test]
     fn contrast_keeps_blocks_apart() {
         let samples = Samples::from_fn(8, |wi| (Vec3::splat(if wi.x > 0.0 { 1.0 } else { 0.1 }), f32::INFINITY, -wi));
-        let strict = MergeSettings { max_contrast: 0.2, max_side: 8, ..MergeSettings::default() };
-        let blocks = merge(&samples, &samples.points(), &[0; 64], &strict);
-        for b in &blocks {
-            assert!(b.start[0] >= 4 || b.start[0] + b.size[0] <= 4, "no block across the edge of light");
-        }
+        let blocks = |max_contrast| {
+            let settings = MergeSettings { max_contrast, max_side: 8, ..MergeSettings::default() };
+            merge(&samples, &samples.points(), &[0; 64], &settings)
+        };
+        let across = |blocks: &[Block]| blocks.iter().filter(|b| b.start[0] < 4 && b.start[0] + b.size[0] > 4).count();
+        let (strict, lax) = (blocks(0.2), blocks(2.0));
+        assert!(across(&strict) == 0 && across(&lax) > 0, "{} and {}", across(&strict), across(&lax));
+        assert!(strict.len() < 32, "what is evenly bright merges: {} blocks", strict.len());
     }
 }

@@ -89,8 +89,8 @@ pub(crate) fn check(record: &Record) -> Result<(), &'static str> {
     let ensure = |holds: bool, what| if holds { Ok(()) } else { Err(what) };
     ensure(record.centre.is_finite(), "its centre is not finite")?;
     let [s, t, n] = record.frame;
-    let orthonormal =
-        (s.cross(t) - n).length() < 1e-3 && (s.length() - 1.0).abs() < 1e-3 && (n.length() - 1.0).abs() < 1e-3;
+    let is_unit = |v: Vec3| (v.length() - 1.0).abs() < 1e-3;
+    let orthonormal = (s.cross(t) - n).length() < 1e-3 && [s, t, n].into_iter().all(is_unit);
     ensure(orthonormal, "its frame is not orthonormal")?;
     ensure(record.radius >= 0.0 && record.harmonic_distance >= 0.0, "its radius is negative or not a number")?;
     check_samples(&record.samples)?;
@@ -108,10 +108,11 @@ fn check_samples(samples: &Samples) -> Result<(), &'static str> {
     if !samples.background_share.iter().all(|s| (0.0..=1.0).contains(s)) {
         return Err("a share is not in [0, 1]");
     }
+    let is_known = |(normal, distance): (&Vec3, &f32)| normal.is_finite() || distance.is_infinite();
     let unit = |jitter: &Vec2| (0.0..=1.0).contains(&jitter.x) && (0.0..=1.0).contains(&jitter.y);
     let sane = samples.radiance.iter().all(|l| l.is_finite())
         && samples.distance.iter().all(|&d| d >= 0.0)
-        && samples.normal.iter().all(|n| n.is_finite())
+        && samples.normal.iter().zip(&samples.distance).all(is_known)
         && samples.jitter.iter().all(unit);
     if !sane {
         return Err("a texel is not finite");

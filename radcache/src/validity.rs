@@ -43,7 +43,8 @@ impl Validity {
     /// It never exceeds the distance to the nearest hit, so that it cannot reach through a wall.
     #[must_use]
     pub fn radius(&self, samples: &Samples) -> f32 {
-        if self.refuses(samples) {
+        // No share of an infinite distance is none of it, too.
+        if self.spacing <= 0.0 || self.refuses(samples) {
             return 0.0;
         }
         /// Below 1, because the rays of the texels nearest to the horizon still rise a little above the tangent plane.
@@ -69,7 +70,7 @@ impl Validity {
         let height = d.dot(record.frame().n);
         let weight = if height > 0.0 { 3.0 } else { 15.0 };
         let distance = (d.length_squared() + weight * height * height).sqrt();
-        if cos < self.min_normal_cos || record.radius() <= 0.0 {
+        if cos.is_nan() || cos < self.min_normal_cos || record.radius() <= 0.0 {
             return f32::INFINITY;
         }
         // Where only equal normals may serve, their own term is not 0 / 0.
@@ -92,6 +93,16 @@ mod tests {
         assert_eq!(capped.radius(&ceiling), 0.5, "capped");
         let sky = Samples::from_fn(16, |wi| (Vec3::ONE, f32::INFINITY, -wi));
         assert_eq!(capped.radius(&sky), 0.5, "an open sky reaches the cap");
+        assert_eq!(Validity { spacing: 0.0, ..rules }.radius(&sky), 0.0, "but not without spacing");
+    }
+
+    #[test]
+    fn a_normal_that_is_none_fits_nothing() {
+        let samples = Samples::from_fn(8, |wi| (Vec3::ONE, 2.0 / wi.z, Vec3A::NEG_Z));
+        let (frame, rules) = (hemimap::Frame::from_normal(Vec3A::Z), Validity::default());
+        let record = Record::new(Vec3A::ZERO, frame, samples, &crate::RecordSettings::default(), &rules);
+        assert_eq!(rules.misfit(&record, Vec3A::ZERO, Vec3A::Z), 0.0, "its own place");
+        assert_eq!(rules.misfit(&record, Vec3A::ZERO, Vec3A::NAN), f32::INFINITY);
     }
 
     #[test]

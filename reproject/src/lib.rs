@@ -14,6 +14,7 @@ mod tracer;
 mod verify;
 mod workspace;
 
+pub use glam;
 pub use kernel::{Kernel, project_corners};
 pub use masks::{Masks, Rows};
 pub use parts::Parts;

@@ -31,7 +31,7 @@ impl Workspace {
     /// than that was behind what the record saw there.
     ///
     /// # Panics
-    /// If `record` is not the one that was projected last.
+    /// If `record` is not the one that was projected last, as far as place, frame and number of elements tell.
     ///
     /// # Example
     /// ```

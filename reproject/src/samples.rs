@@ -42,12 +42,13 @@ impl Plane {
 impl Workspace {
     /// Writes what the point sees, in the frame that [`Self::frame`] gives: as if its own rays had gone through the
     /// centres of all texels. Elements lie on the planes through their corners; all texels of a hole take what its ray
-    /// met. To be called after [`Self::trace_holes`].
+    /// met, and those below the surface (see [`Self::project_above`]) are black and infinitely far. To be called after
+    /// [`Self::trace_holes`].
     ///
     /// The mean of these samples counts texels; [`Self::mean_radiance`] knows the areas of elements and is more exact.
     ///
     /// # Panics
-    /// If `record` is not the one that was projected last.
+    /// If `record` is not the one that was projected last, as far as place, frame and number of elements tell.
     pub fn samples(&mut self, record: &Record, samples: &mut Samples) {
         self.assert_projected(record);
         let n = self.n;

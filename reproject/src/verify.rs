@@ -28,7 +28,7 @@ impl Workspace {
     /// its texel. To be called between [`Self::project`] and [`Self::trace_holes`], whose buffers it uses.
     ///
     /// # Panics
-    /// If `record` is not the one that was projected last.
+    /// If `record` is not the one that was projected last, as far as place, frame and number of elements tell.
     pub fn verify(&mut self, record: &Record, side: u32, seed: u64, tracer: &mut impl Tracer) -> Verdict {
         self.assert_projected(record);
         self.directions.clear();
@@ -37,7 +37,7 @@ impl Workspace {
         let mut asked = 0;
         let side = (side as usize).min(MAX_SIDE);
         for cell in 0..side * side {
-            let random = hash(seed, cell as u64);
+            let random = hash(seed ^ STREAM, cell as u64);
             let jitter = Vec2::new(unit(random >> 40), unit(random >> 16));
             let place = (Vec2::new((cell % side) as f32, (cell / side) as f32) + jitter) / side as f32;
             let texel = texel_at(place, self.n);
@@ -79,6 +79,9 @@ impl Workspace {
         normal.dot(off).abs() <= OFF_PLANE * distance || off.length() <= OFF_CENTRE * distance
     }
 }
+
+/// Keeps the random numbers of verification rays apart from those of hole rays with the same seed.
+const STREAM: u64 = 0x7665_7269_6679;
 
 /// Most verification rays along a side.
 const MAX_SIDE: usize = 16;

@@ -220,7 +220,7 @@ impl Workspace {
     /// ray.
     ///
     /// # Panics
-    /// If `record` is not the one that was projected last.
+    /// If `record` is not the one that was projected last, as far as place, frame and number of elements tell.
     pub fn texture(&mut self, record: &Record) -> &[Vec3] {
         self.assert_projected(record);
         let elements = record.elements();
@@ -241,7 +241,8 @@ impl Workspace {
     /// that a BRDF f reflects.
     ///
     /// # Panics
-    /// If there are not n x n weights, or `record` is not the one that was projected last.
+    /// If there are not n x n weights, or `record` is not the one that was projected last, as far as place, frame and
+    /// number of elements tell.
     #[must_use]
     pub fn weighted_sum(&mut self, record: &Record, weights: &[Vec3]) -> Vec3 {
         let [near, far] = self.weighted_sum_by_distance(record, weights);
@@ -299,7 +300,7 @@ impl Workspace {
         self.kernel
     }
 
-    /// The element that fills a texel, if any does.
+    /// The element that fills a texel, below n x n, if any does.
     #[must_use]
     pub fn owner(&self, texel: usize) -> Option<usize> {
         let (i, j) = (texel % self.n, texel / self.n);
@@ -331,19 +332,23 @@ impl Workspace {
     }
 }
 
-/// What tells a record from others: its place in bits, its resolution and the number of its elements. To compare all of
-/// it would cost as much as a result does.
+/// What tells a record from others: its place and frame in bits, its resolution and the number of its elements. To
+/// compare all of it would cost as much as a result does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Mark {
     centre: [u32; 3],
+    frame: [[u32; 3]; 2],
     resolution: usize,
     elements: usize,
 }
 
 impl Mark {
     pub(crate) fn of(record: &Record) -> Self {
+        let bits = |v: Vec3A| v.to_array().map(f32::to_bits);
+        let Frame { s, n, .. } = record.frame();
         Self {
-            centre: record.centre().to_array().map(f32::to_bits),
+            centre: bits(record.centre()),
+            frame: [bits(s), bits(n)],
             resolution: record.samples().resolution(),
             elements: record.elements().len(),
         }

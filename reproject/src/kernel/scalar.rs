@@ -21,7 +21,7 @@ const FOUR_OVER_PI: f32 = 4.0 * std::f32::consts::FRAC_1_PI;
 ///
 /// `rotation` turns the record's frame into that of the point, `offset` is the point relative to the record in the
 /// record's frame. For corner k of element e, `u[k][e]` and `v[k][e]` get its place in the square and `z[k][e]` its
-/// height above the tangent plane; below the horizon, where z is negative, the place is the nearest one on the rim.
+/// height above the tangent plane; below the horizon, where z is negative, the place is the nearest one on the rim, straight below the centre.
 /// Slices are `elements.padded_len()` long.
 ///
 /// # Panics
