@@ -57,7 +57,7 @@ const COS: [f64; 7] = [
 /// Below this squared length of n + n' (16 eps, squared) the direction of the sum is rounding noise.
 const OPPOSITE_SQ: f64 = 256.0 * f64::EPSILON * f64::EPSILON;
 
-/// Returns the arctangent of `x`, in radians, for |`x`| <= 1, within 1.2e-16. See [`crate::atan_unit`].
+/// Returns the arctangent of `x`, in radians, for |`x`| <= 1, within 2.3e-16. See [`crate::atan_unit`].
 #[inline]
 #[must_use]
 pub fn atan_unit(x: f64) -> f64 {

@@ -34,12 +34,17 @@ fn known_points_map_exactly() {
     }
 }
 
+/// Every second point off the grid of 24 bits, on which 2u - 1 is not rounded.
+fn finer(u: Vec2, i: u32) -> Vec2 {
+    if i.is_multiple_of(2) { u } else { u * u }
+}
+
 #[test]
 fn round_trip_is_identity() {
     let mut random = Random(1);
     let [mut disk, mut cosine, mut uniform, mut double] = [0f64; 4];
-    for _ in 0..10_000_000 {
-        let u = random.square();
+    for i in 0..10_000_000 {
+        let u = finer(random.square(), i);
         let off = |back: Vec2| f64::from((back - u).abs().max_element());
         disk = disk.max(off(disk_to_square(square_to_disk(u))));
         cosine = cosine.max(off(cosine_hemisphere_to_square(square_to_cosine_hemisphere(u))));
@@ -80,8 +85,8 @@ fn directions_come_back_within_the_steepness_of_z() {
 fn single_agrees_with_double() {
     let mut random = Random(3);
     let [mut cosine, mut uniform, mut length] = [0f64; 3];
-    for _ in 0..1_000_000 {
-        let u = random.square();
+    for i in 0..1_000_000 {
+        let u = finer(random.square(), i);
         let (c, h) = (square_to_cosine_hemisphere(u), square_to_uniform_hemisphere(u));
         let d = double::square_to_cosine_hemisphere(u.as_dvec2());
         cosine = cosine.max((c.as_dvec3() - d).abs().max_element());
@@ -91,7 +96,7 @@ fn single_agrees_with_double() {
             length = length.max((w.as_dvec3().length() - 1.0).abs());
         }
     }
-    assert!(cosine <= 1.1e-7 && uniform <= 1.9e-7 && length <= 2e-7, "{cosine:e} {uniform:e} {length:e}");
+    assert!(cosine <= 1.4e-7 && uniform <= 2e-7 && length <= 2.1e-7, "{cosine:e} {uniform:e} {length:e}");
 }
 
 #[test]
