@@ -35,6 +35,7 @@ mod tree;
 pub use bounds::Bounds;
 pub use error::FormError;
 pub use form::{FreeForm, Perturbation};
+pub use glam;
 pub use interval::{Interval, difference};
 pub use mesh::{MeshError, SurfaceMesh};
 pub use psi::Psi;

@@ -25,12 +25,15 @@ impl Solid {
     /// `direction` (at the apex of a cone no side is better than another), and +z where that is zero too. It is never
     /// NaN.
     pub fn normal(&self, p: DVec3, direction: DVec3) -> DVec3 {
-        self.normal_of(Place::default(), p, direction)
+        self.normal_of(Place::default(), 1.0, p, direction)
     }
 
     /// Returns value and gradient at a point of the part of the solid that a ray crossed there
     /// ([`Crossing::part`](crate::Crossing)): the first-order behaviour of the whole, at a cost that does not grow with
     /// the number of parts.
+    ///
+    /// # Panics
+    /// If no crossing of this solid has that part.
     pub fn first_order(&self, part: u32, p: DVec3) -> (f64, DVec3) {
         let unit = &self.plan.units[part as usize];
         let local = self.local_linear(p, unit.place);
@@ -39,15 +42,19 @@ impl Solid {
     }
 
     /// Returns the outward unit normal as [`Solid::normal`] does, by the part that a ray crossed at `p` alone.
+    ///
+    /// # Panics
+    /// If no crossing of this solid has that part.
     pub fn normal_at(&self, part: u32, p: DVec3, direction: DVec3) -> DVec3 {
         let unit = &self.plan.units[part as usize];
-        let turn = if unit.flipped { -1.0 } else { 1.0 };
-        turn * self.normal_of(unit.place, p, turn * direction)
+        self.normal_of(unit.place, if unit.flipped { -1.0 } else { 1.0 }, p, direction)
     }
 
-    fn normal_of(&self, place: Place, p: DVec3, direction: DVec3) -> DVec3 {
+    /// The normal of a part that is taken away if `turn` is -1.
+    fn normal_of(&self, place: Place, turn: f64, p: DVec3, direction: DVec3) -> DVec3 {
         self.gradient_normal(place, p)
             .or_else(|| self.difference_normal(place, p))
+            .map(|normal| turn * normal)
             .or_else(|| unit(-direction))
             .unwrap_or(DVec3::Z)
     }

@@ -189,7 +189,8 @@ impl<'a> Words<'a> {
     fn word(&mut self) -> Result<&'a str, TextError> {
         let word = self.peek();
         if word.is_empty() {
-            return Err(self.error("the text ends where a word or a number is needed".to_owned()));
+            let found = self.rest.chars().next().map_or("the text ends".to_owned(), |sign| format!("'{sign}'"));
+            return Err(self.error(format!("{found} where a word or a number is needed")));
         }
         self.rest = &self.rest[word.len()..];
         Ok(word)

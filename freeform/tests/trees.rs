@@ -386,7 +386,8 @@ fn what_cannot_be_is_refused() {
     refused("", 1, "the text ends");
     refused("cube()", 1, "'cube'");
     refused("union(\nform(base 1 2 x))", 2, "'x' is not a number");
-    refused("union()", 1, "a word or a number");
+    refused("union()", 1, "')' where a word or a number");
+    refused("form(base -1, -1)", 1, "',' where a word or a number");
     refused(&format!("union(\n{form},\n{form}"), 3, "')' is missing");
     refused(&format!("{form} {form}"), 1, "text after");
     refused("form(base 0 0 0 0 0 0 0 0 0 0)", 1, "all ten");
