@@ -202,11 +202,14 @@ fn noise_problem(noise: &Noise) -> Option<&'static str> {
     }
 }
 
+/// Widths of lobes; the density of narrower ones overflows.
+const ALPHAS: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
+
 fn specular_problem(specular: SpecularKind) -> Option<&'static str> {
     match specular {
         SpecularKind::None => None,
-        SpecularKind::Ggx { alpha, .. } if !(alpha > 0.0 && alpha <= 1.0) => {
-            Some("the roughness (width alpha) is not in (0, 1]")
+        SpecularKind::Ggx { alpha, .. } if !ALPHAS.contains(&alpha) => {
+            Some("the roughness (width alpha) is not in [1e-4, 1]: what is smoother is a mirror")
         }
         SpecularKind::Ggx { reflectance, .. } | SpecularKind::Mirror { reflectance } => {
             (!is_share(reflectance)).then_some("the specular colour is not in [0, 1]")

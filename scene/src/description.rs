@@ -130,7 +130,7 @@ pub enum SpecularKind {
     None,
     /// A GGX lobe of width `alpha`. The diffuse part beneath is scaled by 1 - `reflectance`.
     Ggx {
-        /// Microfacet width, in (0, 1].
+        /// Microfacet width, in [1e-4, 1].
         alpha: f32,
         /// Constant factor, or reflectance at normal incidence where `schlick` is set.
         reflectance: Vec3,

@@ -4,10 +4,11 @@ use std::borrow::Borrow;
 use std::sync::Arc;
 
 use freeform::Solid;
-use glam::{DAffine3, Vec2, Vec3A};
+use glam::{DAffine3, Vec2};
 
 use crate::body::Body;
 use crate::projection::Projector;
+use crate::surface::ShapePoint;
 use crate::{Aabb, FormObject, Hit, Ray};
 
 /// A free form with what a ray needs to know of it.
@@ -21,15 +22,6 @@ pub(crate) struct Form {
     pub(crate) cut_out: bool,
     /// In the frame of the solid, so that all copies share it.
     pub(crate) projector: Option<Arc<Projector>>,
-}
-
-/// A point on a free form.
-pub(crate) struct FormPoint {
-    pub(crate) p: Vec3A,
-    /// Outward unit normal.
-    pub(crate) n: Vec3A,
-    pub(crate) uv: Vec2,
-    pub(crate) p_error: f32,
 }
 
 /// Rounding of a position from f64 to f32, and a little for the root itself.
@@ -100,7 +92,7 @@ impl Form {
     }
 
     /// Returns the point where a ray hit the form.
-    pub(crate) fn point(&self, ray: &Ray, hit: &Hit) -> FormPoint {
+    pub(crate) fn point(&self, ray: &Ray, hit: &Hit) -> ShapePoint {
         let Self { body, projector, .. } = self;
         let solid = body.solid();
         #[expect(
@@ -131,7 +123,7 @@ impl Form {
         let p = line.at(t).as_vec3a();
         let n = body.world_normal(n).as_vec3a().normalize_or(-ray.direction);
         let p_error = p.abs().dot(n.abs()) * POSITION_ERROR + missed;
-        FormPoint { p, n, uv: uv.as_vec2(), p_error }
+        ShapePoint { p, ng: n, n, uv: uv.as_vec2(), p_error }
     }
 }
 

@@ -12,6 +12,7 @@ use crate::form::Form;
 use crate::holes::{behind, ray_hash};
 use crate::media::MediumTable;
 use crate::primitives::{boxes, form_lights, primitives, triangle_lights};
+use crate::surface::ShapePoint;
 use crate::triangles::Triangles;
 use crate::{
     Aabb, Bsdf, BuildError, Camera, Description, Features, Hit, Lights, Material, Media, Ray, Specular, SpecularKind,
@@ -205,43 +206,25 @@ impl Scene {
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let index = hit.primitive as usize;
+        let (ShapePoint { p, ng, n, uv, p_error }, material) = match index.checked_sub(self.triangles.len()) {
+            None => (self.triangles.point(index, hit.barycentrics), self.triangles.material(index)),
+            Some(form) => (self.forms[form].point(ray, hit), self.forms[form].material),
+        };
         let wo = -ray.direction;
-        if index < self.triangles.len() {
-            let point = self.triangles.point(index, hit.barycentrics);
-            let front = point.ng.dot(wo) >= 0.0;
-            let (ng, n) = if front { (point.ng, point.n) } else { (-point.ng, -point.n) };
-            let material = self.triangles.material(index);
-            Surface {
-                p: point.p,
-                ng,
-                n: Surface::face(n, ng, wo),
-                front,
-                uv: self.triangles.uv(index, hit.barycentrics),
-                t: hit.t,
-                material,
-                primitive: hit.primitive,
-                p_error: point.p_error,
-                media: hit.media,
-                medium: self.mediums.number(material),
-            }
-        } else {
-            let form = &self.forms[index - self.triangles.len()];
-            let point = form.point(ray, hit);
-            let front = point.n.dot(wo) >= 0.0;
-            let n = if front { point.n } else { -point.n };
-            Surface {
-                p: point.p,
-                ng: n,
-                n: Surface::face(n, n, wo),
-                front,
-                uv: point.uv,
-                t: hit.t,
-                material: form.material,
-                primitive: hit.primitive,
-                p_error: point.p_error,
-                media: hit.media,
-                medium: self.mediums.number(form.material),
-            }
+        let front = ng.dot(wo) >= 0.0;
+        let (ng, n) = if front { (ng, n) } else { (-ng, -n) };
+        Surface {
+            p,
+            ng,
+            n: Surface::face(n, ng, wo),
+            front,
+            uv,
+            t: hit.t,
+            material,
+            primitive: hit.primitive,
+            p_error,
+            media: hit.media,
+            medium: self.mediums.number(material),
         }
     }
 

@@ -41,6 +41,17 @@ pub struct Surface {
     pub medium: u8,
 }
 
+/// A point of a triangle or a free form, for rays from any side.
+pub(crate) struct ShapePoint {
+    pub(crate) p: Vec3A,
+    /// Unit, on the front.
+    pub(crate) ng: Vec3A,
+    /// Unit, as interpolated, on the side of `ng`.
+    pub(crate) n: Vec3A,
+    pub(crate) uv: Vec2,
+    pub(crate) p_error: f32,
+}
+
 /// A shadow ray stops this share before its end, so that the light's own surface is not in its way.
 pub(crate) const SHADOW_MARGIN: f32 = 1e-4;
 

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 use crate::Mesh;
 use crate::description::NO_INDEX;
+use crate::surface::ShapePoint;
 
 /// Triangles with separate indices for positions, normals and texture coordinates.
 #[derive(Debug, Default)]
@@ -17,16 +18,6 @@ pub(crate) struct Triangles {
     /// Empty where no mesh has any.
     uv_corners: Vec<[u32; 3]>,
     materials: Vec<u32>,
-}
-
-/// A point of a triangle.
-pub(crate) struct TrianglePoint {
-    pub(crate) p: Vec3A,
-    /// Unit, on the side from which the corners are counter-clockwise.
-    pub(crate) ng: Vec3A,
-    /// Unit, as interpolated, on the side of `ng`.
-    pub(crate) n: Vec3A,
-    pub(crate) p_error: f32,
 }
 
 /// Rounding of an interpolated position, as a share of the sum of its terms: pbrt's gamma(7) and as much again, for two
@@ -89,9 +80,9 @@ impl Triangles {
         }
     }
 
-    /// Returns position and normals at a point.
+    /// Returns the point at barycentric coordinates.
     #[inline]
-    pub(crate) fn point(&self, triangle: usize, barycentrics: Vec2) -> TrianglePoint {
+    pub(crate) fn point(&self, triangle: usize, barycentrics: Vec2) -> ShapePoint {
         let [a, b, c] = self.corners(triangle).map(Vec3A::from);
         let weight = 1.0 - barycentrics.x - barycentrics.y;
         let (pa, pb, pc) = (a * weight, b * barycentrics.x, c * barycentrics.y);
@@ -107,7 +98,7 @@ impl Triangles {
             }
             _ => ng,
         };
-        TrianglePoint { p: pa + pb + pc, ng, n, p_error }
+        ShapePoint { p: pa + pb + pc, ng, n, uv: self.uv(triangle, barycentrics), p_error }
     }
 
     pub(crate) fn has_shading_normals(&self) -> bool {

@@ -1,4 +1,5 @@
-//! The scene under construction, and what all readers share: each OBJ, library and picture is read once.
+//! The scene under construction, and what all readers share: each OBJ is read once a material that is put on it, each
+//! picture once a use.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
