@@ -68,11 +68,11 @@ struct Pixel {
 }
 
 /// A primary sample that is traced.
-struct Sample {
+struct Sample<'a> {
     sampler: Sampler,
     light: SampleLight,
     /// What is still to be followed.
-    branches: Vec<Branch>,
+    branches: &'a mut Vec<Branch>,
 }
 
 /// What a primary sample finds by itself.
@@ -122,6 +122,7 @@ impl<S: Secondary> Primary<'_, S> {
     pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
         let pixel = Pixel { position, number: pixel, key };
+        let mut branches = Vec::new();
         for number in found.samples..samples {
             let mut sampler = Sampler::new(self.seed, key, number);
             let place = sampler.next_pair();
@@ -136,7 +137,8 @@ impl<S: Secondary> Primary<'_, S> {
                 off_middle: place.distance_squared(Vec2::splat(0.5)),
             };
             found.rays.camera += 1;
-            let mut sample = Sample { sampler, light: SampleLight::default(), branches: vec![eye] };
+            branches.push(eye);
+            let mut sample = Sample { sampler, light: SampleLight::default(), branches: &mut branches };
             let mut branch_number = 0;
             while let Some(branch) = sample.branches.pop() {
                 branch_number += 1;
@@ -155,7 +157,7 @@ impl<S: Secondary> Primary<'_, S> {
     }
 
     /// Follows a branch of a sample to the next surface.
-    fn step(&self, branch: Branch, pixel: &Pixel, sample: &mut Sample, found: &mut PixelPoints) {
+    fn step(&self, branch: Branch, pixel: &Pixel, sample: &mut Sample<'_>, found: &mut PixelPoints) {
         let Branch { ray, chain, bounces, off_middle, .. } = branch;
         let light = &mut sample.light;
         let Some(hit) = self.scene.intersect(&ray) else {
@@ -213,7 +215,7 @@ impl<S: Secondary> Primary<'_, S> {
     }
 
     /// Goes on through mirrors and glass: both ways at first, then one of them.
-    fn branch(&self, shading: &Shading, beta: Vec3, from: Branch, sample: &mut Sample, rays: &mut RayCounts) {
+    fn branch(&self, shading: &Shading, beta: Vec3, from: Branch, sample: &mut Sample<'_>, rays: &mut RayCounts) {
         let Sample { sampler, branches, .. } = sample;
         let limit = if from.bounces < LONG_CHAIN { 1.0 } else { 0.95 };
         let survival = |way: &Way| (way.flux() / MIN_THROUGHPUT).min(limit);
