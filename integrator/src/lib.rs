@@ -15,6 +15,7 @@ mod four_terms;
 mod gather;
 mod irradiance_cache;
 mod lattice;
+mod light_lessons;
 mod path;
 mod photons;
 mod plan;

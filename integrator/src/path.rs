@@ -2,7 +2,7 @@
 //! five terms.
 //!
 //! At every vertex light is sampled, and a direction by the material; both meet by multiple importance sampling with
-//! the power heuristic. The length of a path is unlimited: from the fourth bounce on it survives Russian roulette with
+//! the power heuristic. Which of up to 256 lights is sampled is decided by what some paths found beforehand. The length of a path is unlimited: from the fourth bounce on it survives Russian roulette with
 //! a probability that follows the root of its throughput. There is no clamping, so each term of each pixel is unbiased.
 //!
 //! The two parts of the first surface's f = f_d + f_s keep a throughput of their own along the path, and the path
@@ -18,12 +18,16 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{UVec2, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
-use scene::{Bsdf, BsdfSample, Lobes, Ray, Scene, Specular, Surface};
+use scene::{Bsdf, BsdfSample, LightChoice, LightLesson, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
 use crate::film::{Band, Film, FirstHit, PixelSum, Terms, guide_albedo};
+use crate::light_lessons::{few, lessons};
+use crate::sampler::{hash_pair, in_cell};
+use crate::secondary::Shading;
+use crate::statistics::map_counting;
 use crate::{Progress, RayCounts, Sampler, Settings, Statistics};
 
 /// The first vertex after which a path may be ended by chance.
@@ -48,6 +52,7 @@ pub struct PathSample {
 pub struct PathTracer<'a> {
     scene: &'a Scene,
     has_light_choice: bool,
+    light_choice: Option<&'a LightChoice>,
     /// Rays traced, those of kind `camera`, `path` and `shadow`.
     pub rays: RayCounts,
     /// Paths cut at [`MAX_PATH_VERTICES`].
@@ -110,7 +115,15 @@ impl<'a> PathTracer<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         let has_light_choice = scene.lights().has_choice();
-        Self { scene, has_light_choice, rays: RayCounts::default(), cut_paths: 0, dropped_samples: 0 }
+        let rays = RayCounts::default();
+        Self { scene, has_light_choice, light_choice: None, rays, cut_paths: 0, dropped_samples: 0 }
+    }
+
+    /// Chooses lights as was learnt of the scene's lights, if anything was: by
+    /// [`Lights::learnt_choice`](scene::Lights::learnt_choice).
+    #[must_use]
+    pub fn with_light_choice(self, light_choice: Option<&'a LightChoice>) -> Self {
+        Self { light_choice, ..self }
     }
 
     /// Returns an unbiased estimate of the radiance that comes along `ray` to its origin. A sample that is not finite
@@ -139,9 +152,9 @@ impl<'a> PathTracer<'a> {
         for vertex in 1..=MAX_PATH_VERTICES {
             // By reference: to move a hit is to wait for the stores of its parts.
             let Some(hit) = &scene.intersect(&ray) else {
-                let weight = from
-                    .as_ref()
-                    .map_or(1.0, |(p, step)| material_weight(step.pdf, || scene.lights().pdf_environment(*p, step.wi)));
+                let weight = from.as_ref().map_or(1.0, |(p, step)| {
+                    material_weight(step.pdf, || self.lights_from(*p).pdf_environment(step.wi))
+                });
                 add(&mut sample.terms, flight, throughput, scene.background(ray.direction) * weight);
                 return;
             };
@@ -151,7 +164,7 @@ impl<'a> PathTracer<'a> {
             let emission = scene.emission(&surface);
             if emission != Vec3::ZERO {
                 let weight = from.as_ref().map_or(1.0, |(p, step)| {
-                    material_weight(step.pdf, || scene.lights().pdf_surface(*p, step.wi, &surface))
+                    material_weight(step.pdf, || self.lights_from(*p).pdf_surface(step.wi, &surface))
                 });
                 add(&mut sample.terms, flight, throughput, emission * weight);
             }
@@ -205,6 +218,12 @@ impl<'a> PathTracer<'a> {
 }
 
 impl PathTracer<'_> {
+    /// The lights as a vertex at `p` chose them, for the density of what a ray from there met by chance, in which the
+    /// normal has no say.
+    fn lights_from(&self, p: Vec3A) -> SeenLights<'_> {
+        self.scene.lights().seen_by(p, Vec3A::ZERO, self.light_choice)
+    }
+
     /// Returns the light that one chosen direction to a light sends by way of `surface` to the viewer, weighted against
     /// the chance that the material's own choice finds that light.
     fn sample_light(
@@ -215,7 +234,7 @@ impl PathTracer<'_> {
         wo: Vec3A,
         [u_choice, u, v, _]: [f32; 4],
     ) -> Option<Vec3> {
-        let mut lights = self.scene.lights().seen_from(surface.p, surface.n);
+        let mut lights = self.scene.lights().seen_by(surface.p, surface.n, self.light_choice);
         let light = lights.direction(u_choice, Vec2::new(u, v))?;
         if !is_on_side(surface, light.wi(), false) {
             return None;
@@ -295,12 +314,15 @@ pub(crate) fn render(
     statistics.spp = settings.path_spp();
     statistics.memory.film = film.memory_bytes();
     statistics.time("path", |statistics| {
+        let learns = settings.study.light_guide != Some(false);
+        let light_choice =
+            learns.then(|| learn_lights(scene, settings.size, settings.seed, &mut statistics.rays)).flatten();
         let finished = AtomicU32::new(0);
         let tracers: Vec<PathTracer<'_>> = film
             .bands_mut(1)
             .into_par_iter()
             .map(|band| {
-                let mut tracer = PathTracer::new(scene);
+                let mut tracer = PathTracer::new(scene).with_light_choice(light_choice.as_ref());
                 tracer.fill(band, settings);
                 // Relaxed: nothing but the bar depends on it.
                 let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -314,6 +336,46 @@ pub(crate) fn render(
     });
     film
 }
+
+/// Learns which of a few lights reach the vertices of the paths of a picture: light that comes through a roof by no
+/// way would be chosen as often as if there were none. `None` where there is nothing to learn.
+pub(crate) fn learn_lights(scene: &Scene, size: UVec2, seed: u64, rays: &mut RayCounts) -> Option<LightChoice> {
+    /// Paths along a side of the picture, and the most vertices of each.
+    const SIDE: u32 = 32;
+    const VERTICES: u32 = 4;
+    let lights = scene.lights();
+    if !lights.has_choice() || few(lights).is_none() {
+        return None;
+    }
+    let seed = hash_pair(seed, LEARNING_STREAM);
+    let learn = |number: u32, rays: &mut RayCounts| {
+        let mut sampler = Sampler::new(seed, number.into(), 0);
+        let mut ray = scene.camera_ray(in_cell(number, SIDE, sampler.next_pair()) * size.as_vec2(), size);
+        rays.camera += 1;
+        let mut learnt: Vec<LightLesson> = Vec::new();
+        for _ in 0..VERTICES {
+            let Some(hit) = scene.intersect(&ray) else { break };
+            let shading = Shading::new(scene, scene.surface(&ray, &hit), ray.direction);
+            if shading.bsdf.scatters(Lobes::ALL) {
+                learnt.extend(lessons(scene, None, &shading, &mut sampler, rays));
+            }
+            let [u_lobe, u, v, _] = sampler.next_4d();
+            let Some(next) = shading.bsdf.sample(Lobes::ALL, shading.wo, u_lobe, Vec2::new(u, v)) else { break };
+            let wi = shading.frame.to_world(next.wi);
+            if !shading.leaves(wi, next.wi) {
+                break;
+            }
+            ray = shading.surface.spawn(wi);
+            rays.path += 1;
+        }
+        learnt
+    };
+    let learnt = map_counting((0..SIDE * SIDE).into_par_iter(), rays, learn);
+    lights.learnt_choice(&learnt.concat())
+}
+
+/// Keeps the random numbers of what is learnt apart from those of the picture.
+const LEARNING_STREAM: u64 = 0x7061_7468_6c69_6768;
 
 impl PathTracer<'_> {
     fn fill(&mut self, mut band: Band<'_>, settings: &Settings) {

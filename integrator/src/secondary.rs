@@ -46,7 +46,7 @@ pub trait Secondary: Sync {
         self.caustic_irradiance(surface)
     }
 
-    /// How lights of the scene are chosen at diffuse surfaces that gather rays meet, where something was learnt of that.
+    /// How lights of the scene are chosen at surfaces that gather rays meet, where something was learnt of that.
     fn light_choice(&self) -> Option<&LightChoice> {
         None
     }

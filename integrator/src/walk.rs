@@ -3,7 +3,7 @@
 //! stack of a thread.
 
 use glam::{Vec2, Vec3, Vec3A};
-use scene::{LightChoice, Lobes, Scene, Specular, Surface};
+use scene::{LightChoice, Lobes, Scene, SeenLights, Specular, Surface};
 
 use crate::sampler::Sampler;
 use crate::secondary::{DirectLight, LightWays, Shading, light_candidates, mis_weight, unsampled_emission};
@@ -45,7 +45,7 @@ pub(crate) trait Visitor {
     /// Irradiance by caustics at a surface.
     fn caustic_irradiance(&self, surface: &Surface) -> Vec3;
 
-    /// How lights of the scene are chosen at diffuse surfaces, where something was learnt of that.
+    /// How lights of the scene are chosen, where something was learnt of that.
     fn light_choice(&self) -> Option<&LightChoice>;
 }
 
@@ -73,9 +73,7 @@ pub(crate) fn walk(
         let candidates = light_candidates(scene, &shading);
         if taken != Taken::All || bsdf.has_glossy() {
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
-            // What gloss meets by chance is weighed by the density of a choice that knows nothing.
-            let choice = visitor.light_choice().filter(|_| !bsdf.has_glossy());
-            let ways = LightWays { count: candidates, choice, sky: None };
+            let ways = LightWays { count: candidates, choice: visitor.light_choice(), sky: None };
             let u = sampler.next_4d_for(candidates > 1 || scene.lights().has_choice());
             if let Some((wi, value)) = DirectLight::new(scene, &shading, lobes, ways).sample_way(u, rays) {
                 if bounce == 1 {
@@ -135,7 +133,7 @@ pub(crate) fn walk(
         rays.path += 1;
         let Some(hit) = scene.intersect(&next) else {
             if let Some((from, pdf)) = glossy {
-                let weight = mis_weight(pdf, scene.lights().pdf_environment(from, wi));
+                let weight = mis_weight(pdf, lights_from(scene, from, visitor).pdf_environment(wi));
                 visitor.add(beta * weight * scene.background(wi));
             }
             break;
@@ -146,10 +144,16 @@ pub(crate) fn walk(
         if let Some((from, pdf)) = glossy {
             let emission = scene.emission(&surface);
             if emission != Vec3::ZERO {
-                let light_pdf = scene.lights().pdf_surface(from, wi, &surface);
-                visitor.add(beta * mis_weight(pdf, light_pdf) * emission);
+                let weight = mis_weight(pdf, lights_from(scene, from, visitor).pdf_surface(wi, &surface));
+                visitor.add(beta * weight * emission);
             }
         }
         shading = Shading::new(scene, surface, wi);
     }
+}
+
+/// The lights as gloss at a point chose them, for the density of what a ray from there met by chance.
+fn lights_from<'a>(scene: &'a Scene, from: Vec3A, visitor: &'a impl Visitor) -> SeenLights<'a> {
+    // The normal has no say in a density.
+    scene.lights().seen_by(from, Vec3A::ZERO, visitor.light_choice())
 }

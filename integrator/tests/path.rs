@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use common::{Builder, assert_unbiased, black, estimate, glass, lambert, lamp, mirror, polygon_irradiance};
 use glam::{DVec3, UVec2, Vec3, Vec3A};
 use integrator::{Method, PathTracer, Sampler, Settings, render};
-use scene::{Material, Ray};
+use scene::{Material, Ray, SpecularKind};
 
 #[test]
 fn closed_room_of_emitters_has_radiance_le_over_one_minus_a() {
@@ -177,6 +177,30 @@ fn albedo_one_in_a_closed_room_ends() {
     let length = tracer.rays.path as f64 / 1000.0;
     assert!((length - 103.0).abs() < 15.0, "mean length {length}");
     assert_eq!(tracer.cut_paths, 0, "none reaches the hard limit");
+}
+
+#[test]
+fn a_lamp_is_found_where_walls_hide_the_sun() {
+    let gloss = SpecularKind::Ggx { alpha: 0.3, reflectance: Vec3::splat(0.4), schlick: false };
+    let plastic = Material { specular: gloss, ..lambert(0.5) };
+    let mean = |room: Builder| {
+        let scene = room.camera(Vec3::new(0.5, -0.9, 0.1), Vec3::new(0.0, 1.0, -0.3), Vec3::Z, 70.0).build();
+        let settings = Settings { method: Method::Path, size: UVec2::splat(32), spp: Some(64), ..Settings::default() };
+        let film = render(&scene, &settings, &|_| ()).unwrap().film;
+        film.picture().iter().map(|radiance| f64::from(radiance.x)).sum::<f64>() / 1024.0
+    };
+    for material in [lambert(0.5), plastic] {
+        // A point that no path meets, and a lamp that lobes meet as often as light samples.
+        let lit: [fn(Builder) -> Builder; 2] = [
+            |room| room.point_light(Vec3::Z * 0.5, 1.0),
+            |room| room.square(Vec3::Z * 0.9, Vec3::NEG_Z, 0.2, lamp(5.0)),
+        ];
+        for lit in lit {
+            let room = || lit(Builder::default().cube_room(&material));
+            let [alone, both] = [mean(room()), mean(room().directional_light(Vec3::new(0.2, 0.1, -1.0), 1e5))];
+            assert!((both / alone - 1.0).abs() < 0.02, "{both} instead of {alone}");
+        }
+    }
 }
 
 #[test]

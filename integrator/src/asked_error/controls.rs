@@ -2,10 +2,11 @@
 
 use glam::{DVec3, UVec2};
 use rayon::prelude::*;
-use scene::Scene;
+use scene::{LightChoice, Scene};
 
 use super::bias::{Bias, Term};
 use super::passes::Measure;
+use crate::path::learn_lights;
 use crate::sampler::{Sampler, hash_pair};
 use crate::{PathTracer, RayCounts, Settings, Statistics};
 
@@ -24,6 +25,8 @@ pub(super) struct Controls {
     groups: u64,
     rays: RayCounts,
     pixels: Vec<Control>,
+    /// How paths choose lights, where that was learnt.
+    light_choice: Option<LightChoice>,
 }
 
 /// One of them: its place, and sums over the groups of paths.
@@ -43,7 +46,7 @@ impl Controls {
             let place = (cell.as_vec2() + sampler.next_pair()) / CONTROL_SIDE as f32 * settings.size.as_vec2();
             Control { position: place.as_uvec2().min(settings.size - 1), sum: 0.0, sum_sq: 0.0 }
         });
-        Self { seed, groups: 0, rays: RayCounts::default(), pixels: pixels.collect() }
+        Self { seed, groups: 0, rays: RayCounts::default(), pixels: pixels.collect(), light_choice: None }
     }
 
     /// Measures the bias of the picture: traces more paths until it is known `well` enough, or as many as the rays
@@ -69,14 +72,20 @@ impl Controls {
 
     /// Traces so many more groups of paths for each pixel.
     fn trace(&mut self, scene: &Scene, size: UVec2, groups: u64, statistics: &mut Statistics) {
-        let (seed, first) = (self.seed, self.groups);
+        if self.groups == 0 {
+            let mut rays = RayCounts::default();
+            self.light_choice = learn_lights(scene, size, self.seed, &mut rays);
+            self.rays += rays;
+            statistics.rays += rays;
+        }
+        let (seed, first, light_choice) = (self.seed, self.groups, self.light_choice.as_ref());
         self.groups += groups;
         let tracers: Vec<PathTracer<'_>> = self
             .pixels
             .par_iter_mut()
             .enumerate()
             .map(|(number, control)| {
-                let mut tracer = PathTracer::new(scene);
+                let mut tracer = PathTracer::new(scene).with_light_choice(light_choice);
                 for group in first..first + groups {
                     let key = hash_pair(group, number as u64);
                     let mean = group_mean(&mut tracer, scene, size, control.position, seed, key).element_sum() / 3.0;

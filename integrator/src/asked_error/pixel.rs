@@ -9,8 +9,9 @@ use super::bias::{Bias, ClassBias};
 use super::controls::{Controls, GROUP, group_mean};
 use super::passes::Passes;
 use super::{CERTAINTY, PASSES};
+use crate::path::learn_lights;
 use crate::sampler::hash_pair;
-use crate::{Method, PathTracer, Progress, QUALITY_RANGE, Settings, SettingsError, Statistics};
+use crate::{Method, PathTracer, Progress, QUALITY_RANGE, RayCounts, Settings, SettingsError, Statistics};
 
 /// Groups of paths through the pixel: 4096 paths.
 const GROUPS: u32 = 256;
@@ -114,9 +115,11 @@ pub fn estimate_pixel(
 
 /// A pixel's light by paths, and the standard error of the mean of R, G and B.
 fn trace_reference(scene: &Scene, size: UVec2, pixel: UVec2, seed: u64) -> (Vec3, f32) {
+    let light_choice = learn_lights(scene, size, seed, &mut RayCounts::default());
+    let tracer = || PathTracer::new(scene).with_light_choice(light_choice.as_ref());
     let means: Vec<DVec3> = (0..GROUPS)
         .into_par_iter()
-        .map_init(|| PathTracer::new(scene), |tracer, group| group_mean(tracer, scene, size, pixel, seed, group.into()))
+        .map_init(tracer, |tracer, group| group_mean(tracer, scene, size, pixel, seed, group.into()))
         .collect();
     let groups = f64::from(GROUPS);
     let mean = means.iter().sum::<DVec3>() / groups;

@@ -15,11 +15,11 @@ use scene::{LightChoice, Lobes, Ray, Surface};
 use super::probe::{FoundCell, SIGHT_HEIGHT, sight, spread};
 use super::solve::Row;
 use super::{CellBuilder, Cells, white};
+use crate::light_lessons::{few, lessons};
 use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{LightWays, Shading, direct_light};
 use crate::sky::{SkySplit, luminance};
 use crate::statistics::{RayCounts, map_counting};
-use crate::terms::light_guide::{few, lessons};
 
 /// The relative variance of all light that is small enough, times the rays for links: 1 % of error with 250,000 rays.
 const VARIANCE: f64 = 25.0;

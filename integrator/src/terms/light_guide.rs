@@ -4,27 +4,21 @@
 //! shine in other rooms. So some primary rays are traced beforehand, light samples with them, and the picture's tiles
 //! remember for each side of the normal what samples of each light found. By that lights are chosen there
 //! ([`Lights::learnt_choice`](scene::Lights::learnt_choice)), all of them still, so that a wrong lesson costs noise and
-//! no bias. Cells learn in the same way, all of them together, for what gather rays meet.
+//! no bias.
 
 use std::ops::Range;
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
-use scene::{LightChoice, LightDirection, LightLesson, Lights, Lobes, Scene};
+use scene::{LightChoice, LightLesson, Lobes, Scene};
 
 use super::tiles::{self, around, tile};
+use crate::light_lessons::lessons;
 use crate::sampler::{Sampler, hash_pair, in_cell};
-use crate::secondary::{Shading, lights_of, unshadowed};
+use crate::secondary::Shading;
 use crate::sky::SkySplit;
 use crate::statistics::{RayCounts, map_counting};
 
-/// Light samples of a point that learns.
-const LIGHT_SAMPLES: u32 = 8;
-/// Of few lights, one of so many samples takes any, however little it may bring: beside a sun that is a million times
-/// as strong a lamp would have no lesson otherwise, and where a roof hides the sun there would be no light at all.
-const ANY_EVERY: u32 = 4;
-/// Most lights that are few. Of more, a place learns too little of each.
-const MOST_FEW: u32 = 256;
 /// Most mirrors and panes before a surface that learns.
 const MAX_CHAIN: usize = 8;
 /// Keeps these random numbers apart from those of the picture.
@@ -70,6 +64,7 @@ impl LightGuide {
         lessons.dedup_by(|next, lesson| {
             let same = (next.tile, next.learnt.light) == (lesson.tile, lesson.learnt.light);
             if same {
+                lesson.learnt.samples += next.learnt.samples;
                 lesson.learnt.count += next.learnt.count;
                 lesson.learnt.moment += next.learnt.moment;
             }
@@ -80,6 +75,7 @@ impl LightGuide {
             let mut learnt = Vec::new();
             for (near, weight) in around(tile) {
                 learnt.extend(lessons[of_tile[near].clone()].iter().map(|&Lesson { learnt, .. }| LightLesson {
+                    samples: weight * learnt.samples,
                     count: weight * learnt.count,
                     moment: weight * learnt.moment,
                     ..learnt
@@ -114,64 +110,6 @@ fn ranges(lessons: &[Lesson]) -> Vec<Range<usize>> {
 /// not so for gloss, which sees all of it.
 pub(crate) fn takes_guide(shading: &Shading, sky: Option<&SkySplit>) -> bool {
     if shading.bsdf.has_glossy() { sky.is_none() } else { shading.bsdf.has_diffuse() }
-}
-
-/// How many lights there are, if they are so few that all of them are tried.
-pub(crate) fn few(lights: &Lights) -> Option<u32> {
-    u32::try_from(lights.count()).ok().filter(|&count| count <= MOST_FEW)
-}
-
-/// What light samples find at a point, as if each were chosen by what it may bring alone.
-pub(crate) fn lessons<'a>(
-    scene: &'a Scene,
-    sky: Option<&'a SkySplit>,
-    shading: &'a Shading,
-    sampler: &mut Sampler,
-    rays: &'a mut RayCounts,
-) -> impl Iterator<Item = LightLesson> + 'a {
-    let all = lights_of(scene, shading, sky);
-    let mut lights = all.seen_from(shading.surface.p, shading.surface.n);
-    let few = few(all);
-    let even = 1.0 / all.count() as f32;
-    let any_share = if few.is_some() { 1.0 / ANY_EVERY as f32 } else { 0.0 };
-    (0..).zip(sampler.split_into(LIGHT_SAMPLES)).filter_map(move |(number, mut sampler)| {
-        let [u_choice, u, v, u_any] = sampler.next_4d();
-        let (light, probability) = if let Some(count) = few.filter(|_| number % ANY_EVERY == 0) {
-            let light = hemimap::texel_index(u_any, count) as usize;
-            (light, lights.probability(light))
-        } else {
-            lights.choose(u_choice)?
-        };
-        let chosen = probability + (even - probability) * any_share;
-        let count = probability / chosen;
-        if count == 0.0 {
-            return None;
-        }
-        let direction = lights.direction_to_one(light, probability, Vec2::new(u, v));
-        let value = direction.map_or(0.0, |direction| value(scene, sky, shading, &direction, rays));
-        let moment = count * value * value;
-        moment.is_finite().then_some(LightLesson { light, count, moment })
-    })
-}
-
-/// What a light sample counts.
-fn value(
-    scene: &Scene,
-    sky: Option<&SkySplit>,
-    shading: &Shading,
-    direction: &LightDirection<'_>,
-    rays: &mut RayCounts,
-) -> f32 {
-    let wi = shading.frame.to_local(direction.wi());
-    if wi.z <= 0.0 || !shading.leaves(direction.wi(), wi) {
-        return 0.0;
-    }
-    rays.shadow += 1;
-    if scene.occluded(&shading.surface.shadow_ray(direction.wi(), direction.distance())) {
-        return 0.0;
-    }
-    let Some(sample) = direction.sample() else { return 0.0 };
-    unshadowed(&shading.bsdf, Lobes::ALL, shading.wo, wi, &sample, sky).max_element()
 }
 
 struct Learner<'a> {
@@ -365,7 +303,8 @@ mod tests {
 
     #[test]
     fn every_tile_has_its_lessons() {
-        let lesson = |tile, light| Lesson { tile, learnt: LightLesson { light, count: 1.0, moment: 1.0 } };
+        let lesson =
+            |tile, light| Lesson { tile, learnt: LightLesson { light, samples: 1.0, count: 1.0, moment: 1.0 } };
         let lessons = [lesson(0, 1), lesson(0, 4), lesson(3, 2), lesson(tiles::COUNT - 1, 0)];
         let found = ranges(&lessons);
         assert_eq!([&found[0], &found[1], &found[3], &found[tiles::COUNT - 1]], [&(0..2), &(2..2), &(2..3), &(3..4)]);

@@ -1,12 +1,12 @@
 //! Which lights reach a place, by samples that were taken around it.
 //!
 //! ```text
-//! weight = FLOOR + sqrt((sum of x^2 / mean^2 + PRIOR) / (samples + PRIOR))
-//! mean   = sum over all groups of sqrt(samples sum of x^2) / all samples
+//! weight = FLOOR + sqrt((samples (x / mean)^2 + PRIOR) / (samples + PRIOR))
+//! mean   = sum over all groups of sqrt(x^2) count / sum of all counts
 //! ```
 //!
-//! x is what a sample of a group of lights counts: what its light brings, over the density of the sample; about mean in
-//! the mean. What each lamp may bring, times the root of the mean square of x, would leave the least noise of all
+//! x is what a sample of a group of lights counts, in the root mean square: what its light brings, over the density of
+//! the sample; about mean in the mean. What each lamp may bring, times the root of the mean square of x, would leave the least noise of all
 //! choices that know no more of a point. FLOOR keeps what the samples missed. A group is a lamp, a light at infinity,
 //! or a branch of the tree; those branches whose lamps brought most are split until the lamps that matter are by
 //! themselves.
@@ -34,10 +34,13 @@ const PRIOR: f64 = 1.0;
 pub struct LightLesson {
     /// Below [`Lights::count`].
     pub light: usize,
-    /// Number of samples, or the sum of their weights.
+    /// Number of samples.
+    pub samples: f32,
+    /// The same where each is chosen by what it may bring; where some are chosen otherwise, the sum of their weights,
+    /// which make up for that.
     pub count: f32,
-    /// Sum over them of the square of what each counts: what the light brought, 0 where something stood between, over
-    /// the density of the sample. In any unit, the same for all lessons.
+    /// Sum over them of the square of what each counts, times its weight: what the light brought, 0 where something
+    /// stood between, over the density of the sample. In any unit, the same for all lessons.
     pub moment: f32,
 }
 
@@ -46,7 +49,7 @@ impl Lights {
     /// any light, or more than numbers can tell. A light may have several lessons or none.
     ///
     /// # Panics
-    /// If a lesson is of no light, or its count or moment below 0.
+    /// If a lesson is of no light, or one of its numbers below 0.
     ///
     /// # Example
     ///
@@ -58,7 +61,7 @@ impl Lights {
     /// let scene = Scene::new(Description { lights: lamps.to_vec(), ..Description::default() })?;
     /// let lights = scene.lights();
     /// // Of the second one nothing was ever seen.
-    /// let lessons = [(0, 4.0), (1, 0.0)].map(|(light, moment)| LightLesson { light, count: 100.0, moment });
+    /// let lessons = [(0, 4.0), (1, 0.0)].map(|(light, moment)| LightLesson { light, samples: 100.0, count: 100.0, moment });
     /// let choice = lights.learnt_choice(&lessons).expect("there is light");
     /// let seen = lights.seen_by(Vec3A::ZERO, Vec3A::Z, Some(&choice));
     /// assert!(seen.probability(0) > 0.7 && seen.probability(1) > 0.1);
@@ -82,8 +85,10 @@ impl Lights {
         let mean = roots / all.count;
         (mean > 0.0 && mean.is_finite()).then(|| {
             LightChoice::weighted(self, &branches, |places| {
-                let Sum { count, moment, .. } = learnt.of(places);
-                narrow(FLOOR + ((moment / (mean * mean) + PRIOR) / (count + PRIOR)).sqrt())
+                let Sum { samples, count, moment, .. } = learnt.of(places);
+                // Differences of sums may be rounded to less than nothing.
+                let found = if count > 0.0 { samples * (moment / count).max(0.0) / (mean * mean) } else { 0.0 };
+                narrow(FLOOR + ((found + PRIOR) / (samples + PRIOR)).sqrt())
             })
         })
     }
@@ -92,6 +97,7 @@ impl Lights {
 /// What is learnt of lights together.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sum {
+    samples: f64,
     count: f64,
     moment: f64,
     /// Of the roots of each, times their counts.
@@ -121,12 +127,19 @@ impl Learnt {
         for of_light in lessons.chunk_by(|a, b| a.0 == b.0) {
             let mut light = Sum::default();
             for (_, lesson) in of_light {
-                assert!(!(lesson.count < 0.0 || lesson.moment < 0.0), "sums are not negative: {lesson:?}");
+                let is_sound = lesson.samples >= 0.0 && lesson.count >= 0.0 && lesson.moment >= 0.0;
+                assert!(is_sound, "sums are not negative: {lesson:?}");
+                light.samples += f64::from(lesson.samples);
                 light.count += f64::from(lesson.count);
                 light.moment += f64::from(lesson.moment);
             }
             let root = sum.root + light.root_of_all();
-            sum = Sum { count: sum.count + light.count, moment: sum.moment + light.moment, root };
+            sum = Sum {
+                samples: sum.samples + light.samples,
+                count: sum.count + light.count,
+                moment: sum.moment + light.moment,
+                root,
+            };
             places.push(of_light[0].0);
             sums.push(sum);
         }
@@ -142,6 +155,11 @@ impl Learnt {
     fn of(&self, places: Range<u32>) -> Sum {
         let before = |end: u32| self.sums[self.places.partition_point(|&place| place < end)];
         let (a, b) = (before(places.start), before(places.end));
-        Sum { count: b.count - a.count, moment: b.moment - a.moment, root: b.root - a.root }
+        Sum {
+            samples: b.samples - a.samples,
+            count: b.count - a.count,
+            moment: b.moment - a.moment,
+            root: b.root - a.root,
+        }
     }
 }

@@ -110,7 +110,12 @@ fn whatever_is_chosen_has_the_probability_that_is_told() {
         let scene = mixed(&many(count), 1.0, 0.1);
         let lights = scene.lights();
         let lessons: Vec<LightLesson> = (0..lights.count())
-            .map(|light| LightLesson { light, count: 10.0, moment: if light % 3 == 0 { 10.0 } else { 0.0 } })
+            .map(|light| LightLesson {
+                light,
+                samples: 10.0,
+                count: 10.0,
+                moment: if light % 3 == 0 { 10.0 } else { 0.0 },
+            })
             .collect();
         let learnt = lights.learnt_choice(&lessons).expect("there is light");
         for p in [Vec3A::ZERO, Vec3A::new(3.0, 1.0, 2.0), Vec3A::new(-30.0, 5.0, 9.0)] {
@@ -133,7 +138,7 @@ fn what_was_seen_is_chosen_and_nothing_is_left_out() {
         let seen = [4, 9, 15];
         let lesson = |light: usize| {
             let times = 1e4 * blind.probability(light);
-            LightLesson { light, count: times, moment: if seen.contains(&light) { times } else { 0.0 } }
+            LightLesson { light, samples: times, count: times, moment: if seen.contains(&light) { times } else { 0.0 } }
         };
         let lessons: Vec<LightLesson> = (0..=sky).map(lesson).collect();
         let choice = lights.learnt_choice(&lessons).expect("three lamps are seen");
@@ -164,8 +169,9 @@ fn a_sun_that_is_hidden_is_seldom_chosen() {
     let scene = Scene::new(description).expect("a right scene");
     let (lights, p) = (scene.lights(), Vec3A::ZERO);
     // The lamp, both suns, the sky: of the second sun nothing was seen.
-    let lessons: Vec<LightLesson> =
-        (0..4).map(|light| LightLesson { light, count: 100.0, moment: if light == 2 { 0.0 } else { 100.0 } }).collect();
+    let lessons: Vec<LightLesson> = (0..4)
+        .map(|light| LightLesson { light, samples: 100.0, count: 100.0, moment: if light == 2 { 0.0 } else { 100.0 } })
+        .collect();
     let choice = lights.learnt_choice(&lessons).expect("there is light");
     let (blind, learnt) = (lights.seen_from(p, Vec3A::Z), lights.seen_by(p, Vec3A::Z, Some(&choice)));
     tells_what_it_chooses(&learnt, 4, "suns");
@@ -179,7 +185,7 @@ fn a_sun_that_is_hidden_is_seldom_chosen() {
 #[should_panic(expected = "of other lights")]
 fn a_choice_of_other_lights_is_refused() {
     let (few, more) = (mixed(&many(20), 1.0, 0.1), mixed(&many(30), 1.0, 0.1));
-    let choice = few.lights().learnt_choice(&[LightLesson { light: 0, count: 1.0, moment: 1.0 }]);
+    let choice = few.lights().learnt_choice(&[LightLesson { light: 0, samples: 1.0, count: 1.0, moment: 1.0 }]);
     let _ = more.lights().seen_by(Vec3A::ZERO, Vec3A::Z, choice.as_ref());
 }
 
@@ -188,7 +194,7 @@ fn nothing_is_learnt_of_darkness() {
     let scene = mixed(&many(20), 1.0, 0.1);
     let lights = scene.lights();
     assert!(lights.learnt_choice(&[]).is_none(), "no lesson");
-    let dark = LightLesson { light: 3, count: 10.0, moment: 0.0 };
+    let dark = LightLesson { light: 3, samples: 10.0, count: 10.0, moment: 0.0 };
     assert!(lights.learnt_choice(&[dark]).is_none(), "no light");
     assert!(lights.learnt_choice(&[LightLesson { moment: f32::INFINITY, ..dark }]).is_none(), "no number");
 }
@@ -198,7 +204,7 @@ fn equal_lessons_change_nothing() {
     let scene = mixed(&many(20), 1.0, 0.1);
     let lights = scene.lights();
     let all: Vec<LightLesson> =
-        (0..lights.count()).map(|light| LightLesson { light, count: 1.0, moment: 2.0 }).collect();
+        (0..lights.count()).map(|light| LightLesson { light, samples: 1.0, count: 1.0, moment: 2.0 }).collect();
     let choice = lights.learnt_choice(&all).expect("there is light");
     let (p, n) = (Vec3A::ZERO, Vec3A::Z);
     let (before, after) = (lights.seen_from(p, n), lights.seen_by(p, n, Some(&choice)));
@@ -213,7 +219,7 @@ fn rays_that_meet_a_light_know_its_density() {
     let scene = mixed(&[(Vec3::new(0.5, 0.0, 1.0), 1.0), (Vec3::new(-2.0, 0.0, 3.0), 0.7)], 0.0, 0.25);
     let lights = scene.lights();
     let (p, mut random) = (Vec3A::new(-0.3, 0.2, 0.1), Random(4));
-    let lesson = LightLesson { light: 1, count: 10.0, moment: 10.0 };
+    let lesson = LightLesson { light: 1, samples: 10.0, count: 10.0, moment: 10.0 };
     let learnt = lights.learnt_choice(&[lesson]).expect("there is light");
     let (mut lamps, mut skies) = (0, 0);
     for number in 0..4000 {
