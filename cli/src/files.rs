@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Cursor, IsTerminal, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile};
 
@@ -95,6 +96,7 @@ impl Staged {
             let mut bytes = Cursor::new(Vec::new());
             fill(&mut bytes)?;
             let written = File::options().append(true).open(&target)?.write_all(bytes.get_ref());
+            pending().awaited.retain(|awaited| awaited != path);
             // Whoever read it went away, which is their right.
             return written
                 .or_else(|error| if error.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(error) });
@@ -168,6 +170,11 @@ pub(crate) fn abandon(code: i32) -> ! {
         let _ = fs::remove_file(path);
     }
     if !pending.awaited.is_empty() {
+        // Whoever should read this may not.
+        std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_secs(1));
+            std::process::exit(code)
+        });
         let names: Vec<String> = pending.awaited.iter().map(|path| path.display().to_string()).collect();
         // Behind what shows how far it is.
         let _ = io::stderr().is_terminal().then(|| writeln!(io::stderr()));

@@ -26,7 +26,7 @@ use crate::failure::{Failure, print};
 /// Renders scenes with global illumination by caching and reprojecting radiance.
 ///
 /// Exit codes: 0 done; 1 failed while running, or `compare` found more than its limit; 2 wrong input or arguments;
-/// 130 interrupted.
+/// 130 or 143 interrupted.
 #[derive(Debug, Parser)]
 #[command(name = "freelux", version, max_term_width = 100, arg_required_else_help = false)]
 struct Cli {
@@ -48,8 +48,8 @@ enum Command {
 /// shells have it. Where there can be no handler the system ends the program, which is no worse than before.
 #[cfg(unix)]
 fn handle_signals() {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM]) else { return };
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) else { return };
     std::thread::spawn(move || {
         if let Some(signal) = signals.forever().next() {
             files::abandon(128 + signal)

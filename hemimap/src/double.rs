@@ -105,8 +105,8 @@ pub fn disk_to_square(p: DVec2) -> DVec2 {
 #[inline]
 #[must_use]
 pub fn square_to_cosine_hemisphere(u: DVec2) -> DVec3 {
-    let [x, y, r] = to_disk(u);
-    DVec3::new(x, y, ((1.0 - r) * (1.0 + r)).sqrt())
+    let [x, y, _] = to_disk(u);
+    DVec3::new(x, y, rim_factor(u).sqrt())
 }
 
 /// Returns the point of the unit square that belongs to the unit direction `w`. See
@@ -131,7 +131,14 @@ pub fn square_to_cosine_hemisphere_pdf(w: DVec3) -> f64 {
 pub fn square_to_uniform_hemisphere(u: DVec2) -> DVec3 {
     let [x, y, r] = to_disk(u);
     let stretch = (2.0 - r * r).sqrt();
-    DVec3::new(x * stretch, y * stretch, (1.0 - r) * (1.0 + r))
+    DVec3::new(x * stretch, y * stretch, rim_factor(u))
+}
+
+/// (1 - r)(1 + r), where 1 - r is twice the distance to the edge of the square, which is not rounded as r is.
+#[inline]
+fn rim_factor(u: DVec2) -> f64 {
+    let rim = 2.0 * u.min(1.0 - u).min_element();
+    rim * (2.0 - rim)
 }
 
 /// Returns the point of the unit square that belongs to the unit direction `w`. See

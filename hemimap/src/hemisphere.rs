@@ -21,8 +21,8 @@ use std::f32::consts::FRAC_1_PI;
 /// Each coordinate within 1.4e-7, the length within 2.1e-7 of 1. The bits are the same on every system.
 ///
 /// # Source
-/// Malley's lift of the disk of Shirley and Chiu 1997. z comes from r, not from x and y: 1 - x^2 - y^2 can fall
-/// below 0.
+/// Malley's lift of the disk of Shirley and Chiu 1997. z comes from the distance to the edge of the square, not
+/// from x and y: 1 - x^2 - y^2 can fall below 0.
 #[inline]
 #[must_use]
 pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3A {
@@ -90,6 +90,13 @@ pub fn square_to_uniform_hemisphere_pdf(w: Vec3A) -> f32 {
     if w.z >= 0.0 { 0.5 * FRAC_1_PI } else { 0.0 }
 }
 
+/// (1 - r)(1 + r), where 1 - r is 2u, 2v, 2 (1 - u) or 2 (1 - v): none of them is rounded, and r itself is.
+#[inline]
+fn rim_factor(u: f32, v: f32) -> f32 {
+    let rim = 2.0 * least(least(u, 1.0 - u), least(v, 1.0 - v));
+    rim * (2.0 - rim)
+}
+
 /// The lesser of two numbers, none of which is NaN: one instruction.
 #[inline]
 fn least(a: f32, b: f32) -> f32 {
@@ -99,16 +106,14 @@ fn least(a: f32, b: f32) -> f32 {
 #[inline]
 pub(crate) fn to_cosine(u: f32, v: f32) -> [f32; 3] {
     let [x, y, _] = to_disk(u, v);
-    // 1 - r as 2u, 2v, 2 (1 - u) or 2 (1 - v), none of which is rounded: r itself is.
-    let rim = 2.0 * least(least(u, 1.0 - u), least(v, 1.0 - v));
-    [x, y, (rim * (2.0 - rim)).sqrt()]
+    [x, y, rim_factor(u, v).sqrt()]
 }
 
 #[inline]
 pub(crate) fn to_uniform(u: f32, v: f32) -> [f32; 3] {
     let [x, y, r] = to_disk(u, v);
     let stretch = (2.0 - r * r).sqrt();
-    [x * stretch, y * stretch, (1.0 - r) * (1.0 + r)]
+    [x * stretch, y * stretch, rim_factor(u, v)]
 }
 
 #[inline]

@@ -1,5 +1,5 @@
-//! The reference: a path tracer that shares nothing with the cache but the scene, and splits its estimate into the same
-//! five terms.
+//! The reference: a path tracer that shares nothing with the cache but the scene, and how it is learnt which lights reach
+//! a place. It splits its estimate into the same five terms.
 //!
 //! At every vertex light is sampled, and a direction by the material; both meet by multiple importance sampling with
 //! the power heuristic. Which of up to 256 lights is sampled is decided by what some paths found beforehand. The length of a path is unlimited: from the fourth bounce on it survives Russian roulette with
@@ -18,7 +18,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{UVec2, Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
 use scene::{Bsdf, BsdfSample, LightChoice, LightLesson, Lobes, Ray, Scene, SeenLights, Specular, Surface};
@@ -37,6 +37,8 @@ const MAX_SURVIVAL: f32 = 0.99;
 /// No path has more vertices. With a survival of 0.99 one in 10^43 would; the limit is there for scenes that break
 /// every rule.
 pub const MAX_PATH_VERTICES: u32 = 10_000;
+/// Keeps the random numbers of what is learnt apart from those of the picture.
+const LEARNING_STREAM: u64 = 0x7061_7468_6c69_6768;
 
 /// One sample of the light that comes along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -122,7 +124,7 @@ impl<'a> PathTracer<'a> {
     /// Chooses lights as was learnt of the scene's lights, if anything was: by
     /// [`Lights::learnt_choice`](scene::Lights::learnt_choice).
     #[must_use]
-    pub fn with_light_choice(self, light_choice: Option<&'a LightChoice>) -> Self {
+    pub(crate) fn with_light_choice(self, light_choice: Option<&'a LightChoice>) -> Self {
         Self { light_choice, ..self }
     }
 
@@ -314,9 +316,7 @@ pub(crate) fn render(
     statistics.spp = settings.path_spp();
     statistics.memory.film = film.memory_bytes();
     statistics.time("path", |statistics| {
-        let learns = settings.study.light_guide != Some(false);
-        let light_choice =
-            learns.then(|| learn_lights(scene, settings.size, settings.seed, &mut statistics.rays)).flatten();
+        let light_choice = learn_lights(scene, settings, settings.seed, &mut statistics.rays);
         let finished = AtomicU32::new(0);
         let tracers: Vec<PathTracer<'_>> = film
             .bands_mut(1)
@@ -339,15 +339,15 @@ pub(crate) fn render(
 
 /// Learns which of a few lights reach the vertices of the paths of a picture: light that comes through a roof by no
 /// way would be chosen as often as if there were none. `None` where there is nothing to learn.
-pub(crate) fn learn_lights(scene: &Scene, size: UVec2, seed: u64, rays: &mut RayCounts) -> Option<LightChoice> {
+pub(crate) fn learn_lights(scene: &Scene, settings: &Settings, seed: u64, rays: &mut RayCounts) -> Option<LightChoice> {
     /// Paths along a side of the picture, and the most vertices of each.
     const SIDE: u32 = 32;
     const VERTICES: u32 = 4;
     let lights = scene.lights();
-    if !lights.has_choice() || few(lights).is_none() {
+    if !lights.has_choice() || few(lights).is_none() || settings.study.light_guide == Some(false) {
         return None;
     }
-    let seed = hash_pair(seed, LEARNING_STREAM);
+    let (size, seed) = (settings.size, hash_pair(seed, LEARNING_STREAM));
     let learn = |number: u32, rays: &mut RayCounts| {
         let mut sampler = Sampler::new(seed, number.into(), 0);
         let mut ray = scene.camera_ray(in_cell(number, SIDE, sampler.next_pair()) * size.as_vec2(), size);
@@ -373,9 +373,6 @@ pub(crate) fn learn_lights(scene: &Scene, size: UVec2, seed: u64, rays: &mut Ray
     let learnt = map_counting((0..SIDE * SIDE).into_par_iter(), rays, learn);
     lights.learnt_choice(&learnt.concat())
 }
-
-/// Keeps the random numbers of what is learnt apart from those of the picture.
-const LEARNING_STREAM: u64 = 0x7061_7468_6c69_6768;
 
 impl PathTracer<'_> {
     fn fill(&mut self, mut band: Band<'_>, settings: &Settings) {

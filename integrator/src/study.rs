@@ -35,7 +35,7 @@ pub struct Study {
     pub verify: Option<u32>,
     /// Light samples a primary sample, 1 to 1024.
     pub light_samples: Option<u32>,
-    /// Whether lights are chosen by what was found beforehand to reach what the picture shows.
+    /// Whether lights are chosen by what was found beforehand to reach what the picture and its paths show.
     pub light_guide: Option<bool>,
     /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
     pub lobe_rays: Option<u32>,

@@ -21,6 +21,7 @@ const CONTROL_SHARE: u64 = 4;
 
 /// Pixels at which paths verify the picture.
 pub(super) struct Controls {
+    settings: Settings,
     seed: u64,
     groups: u64,
     rays: RayCounts,
@@ -46,7 +47,14 @@ impl Controls {
             let place = (cell.as_vec2() + sampler.next_pair()) / CONTROL_SIDE as f32 * settings.size.as_vec2();
             Control { position: place.as_uvec2().min(settings.size - 1), sum: 0.0, sum_sq: 0.0 }
         });
-        Self { seed, groups: 0, rays: RayCounts::default(), pixels: pixels.collect(), light_choice: None }
+        Self {
+            settings: settings.clone(),
+            seed,
+            groups: 0,
+            rays: RayCounts::default(),
+            pixels: pixels.collect(),
+            light_choice: None,
+        }
     }
 
     /// Measures the bias of the picture: traces more paths until it is known `well` enough, or as many as the rays
@@ -74,7 +82,7 @@ impl Controls {
     fn trace(&mut self, scene: &Scene, size: UVec2, groups: u64, statistics: &mut Statistics) {
         if self.groups == 0 {
             let mut rays = RayCounts::default();
-            self.light_choice = learn_lights(scene, size, self.seed, &mut rays);
+            self.light_choice = learn_lights(scene, &self.settings, self.seed, &mut rays);
             self.rays += rays;
             statistics.rays += rays;
         }

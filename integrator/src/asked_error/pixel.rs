@@ -100,7 +100,7 @@ pub fn estimate_pixel(
     };
     let ClassBias { sq: bias_sq, error: bias_noise_sq } = bias.of(noise_sq);
     let scale = measure.scale[number];
-    let (reference, reference_noise) = trace_reference(scene, size, pixel, hash_pair(seed, REFERENCE_STREAM));
+    let (reference, reference_noise) = trace_reference(scene, settings, pixel, hash_pair(seed, REFERENCE_STREAM));
     Ok(PixelEstimate {
         error: measure.estimate(&bias, 1.0, passes.count).relative[number],
         noise: noise_sq.sqrt(),
@@ -114,12 +114,12 @@ pub fn estimate_pixel(
 }
 
 /// A pixel's light by paths, and the standard error of the mean of R, G and B.
-fn trace_reference(scene: &Scene, size: UVec2, pixel: UVec2, seed: u64) -> (Vec3, f32) {
-    let light_choice = learn_lights(scene, size, seed, &mut RayCounts::default());
+fn trace_reference(scene: &Scene, settings: &Settings, pixel: UVec2, seed: u64) -> (Vec3, f32) {
+    let light_choice = learn_lights(scene, settings, seed, &mut RayCounts::default());
     let tracer = || PathTracer::new(scene).with_light_choice(light_choice.as_ref());
     let means: Vec<DVec3> = (0..GROUPS)
         .into_par_iter()
-        .map_init(tracer, |tracer, group| group_mean(tracer, scene, size, pixel, seed, group.into()))
+        .map_init(tracer, |tracer, group| group_mean(tracer, scene, settings.size, pixel, seed, group.into()))
         .collect();
     let groups = f64::from(GROUPS);
     let mean = means.iter().sum::<DVec3>() / groups;

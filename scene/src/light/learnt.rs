@@ -34,7 +34,7 @@ const PRIOR: f64 = 1.0;
 pub struct LightLesson {
     /// Below [`Lights::count`].
     pub light: usize,
-    /// Number of samples.
+    /// Number of samples, less where they were taken some way off.
     pub samples: f32,
     /// The same where each is chosen by what it may bring; where some are chosen otherwise, the sum of their weights,
     /// which make up for that.
@@ -49,7 +49,7 @@ impl Lights {
     /// any light, or more than numbers can tell. A light may have several lessons or none.
     ///
     /// # Panics
-    /// If a lesson is of no light, or one of its numbers below 0.
+    /// If a lesson is of no light, or one of its numbers below 0 or NaN.
     ///
     /// # Example
     ///
@@ -86,8 +86,8 @@ impl Lights {
         (mean > 0.0 && mean.is_finite()).then(|| {
             LightChoice::weighted(self, &branches, |places| {
                 let Sum { samples, count, moment, .. } = learnt.of(places);
-                // Differences of sums may be rounded to less than nothing.
-                let found = if count > 0.0 { samples * (moment / count).max(0.0) / (mean * mean) } else { 0.0 };
+                // A count may be lost beside much greater ones.
+                let found = if count > 0.0 { samples * (moment / count) / (mean * mean) } else { 0.0 };
                 narrow(FLOOR + ((found + PRIOR) / (samples + PRIOR)).sqrt())
             })
         })
