@@ -2,8 +2,9 @@
 //! a place. It splits its estimate into the same five terms.
 //!
 //! At every vertex light is sampled, and a direction by the material; both meet by multiple importance sampling with
-//! the power heuristic. Which of up to 256 lights is sampled is decided by what some paths found beforehand. The length of a path is unlimited: from the fourth bounce on it survives Russian roulette with
-//! a probability that follows the root of its throughput. There is no clamping, so each term of each pixel is unbiased.
+//! the power heuristic. Which of up to 256 lights is sampled is decided by what some paths found beforehand. The length
+//! of a path is unlimited: from the fourth bounce on it survives Russian roulette with a probability that follows the
+//! root of its throughput. There is no clamping, so each term of each pixel is unbiased.
 //!
 //! The two parts of the first surface's f = f_d + f_s keep a throughput of their own along the path, and the path
 //! remembers whether it met only mirrors and glass since: so every sample is split exactly as [`Terms`] defines it.
