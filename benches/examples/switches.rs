@@ -40,6 +40,7 @@ const SWITCHES: [(&str, &str); 31] = [
     ("highlights=off", "highlights taken from records"),
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
+    ("gather-guide=off", "gathers look everywhere alike"),
     ("lobe-guide=off", "lobes alone choose where gloss looks"),
     ("lobe-reuse=off", "each primary sample traces its own lobe"),
     ("texture-alpha=0", "gloss read from textures"),

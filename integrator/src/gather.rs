@@ -7,6 +7,7 @@ use reproject::{Traced, Tracer};
 use scene::{Bsdf, Scene, Specular, Surface};
 
 use crate::allocation::neighbours;
+use crate::cells::brightness;
 use crate::follower::Follower;
 use crate::sampler::{Rng, Sampler, hash_pair, in_cell};
 use crate::secondary::{Secondary, Shading};
@@ -43,9 +44,7 @@ impl<S: Secondary> Gatherer<'_, S> {
             samples.view_dependent[texel] = is_marked;
         }
         rays.gather += (n * n) as u64;
-        if self.divide {
-            self.refine(surface, frame, &mut samples, key, rays);
-        }
+        self.refine(surface, frame, &mut samples, key, rays);
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
@@ -73,12 +72,13 @@ impl<S: Secondary> Gatherer<'_, S> {
         sum.map(|part| part / (n * n) as f32)
     }
 
-    /// Divides the texels where the sky ends, and those between bright and dark, and looks through each part: one ray a
-    /// texel would measure the area of what is bright there too roughly.
+    /// Divides the texels where the sky ends, those between bright and dark, and those where glints are, and looks
+    /// through each part: one ray a texel would measure the area of what is bright there too roughly.
     fn refine(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
         let n = samples.resolution();
-        let divisions = divisions(samples, self.sky.is_some());
-        for (texel, side) in divisions.into_iter().enumerate().filter(|(_, side)| *side > 1) {
+        let mut sides = if self.divide { divisions(samples, self.sky.is_some()) } else { vec![1; n * n] };
+        self.divide_glints(surface, frame, n, &mut sides);
+        for (texel, side) in sides.into_iter().enumerate().filter(|(_, side)| *side > 1) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
             let seen = (samples.jitter(texel) * side as f32).as_uvec2();
             let seen = seen.y * side + seen.x;
@@ -115,6 +115,21 @@ impl<S: Secondary> Gatherer<'_, S> {
             if total > 0.0 {
                 samples.background_share[texel] = parts[1].element_sum() / total;
             }
+        }
+    }
+
+    /// Divides the texels that show what is so bright that one ray each would leave much to chance; `sides` are the
+    /// parts along a side of each.
+    fn divide_glints(&self, surface: &Surface, frame: &Frame, n: usize, sides: &mut [u32]) {
+        let glints = self.secondary.glints(surface);
+        if glints.is_empty() {
+            return;
+        }
+        let brightness = brightness(glints, surface.p, frame, n);
+        for (side, rays) in sides.iter_mut().zip(ray_shares(&brightness)) {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_SIDE")]
+            let wanted = rays.sqrt().round().clamp(1.0, MOST_SIDE) as u32;
+            *side = (*side).max(wanted);
         }
     }
 
@@ -204,6 +219,23 @@ fn divisions(samples: &Samples, has_sky: bool) -> Vec<u32> {
     (0..n * n).map(side).collect()
 }
 
+/// Returns how many rays each texel should take where the root mean square of their radiance is this, relative to the
+/// mean of all: in proportion to it (Neyman 1934), until what they leave to chance is little enough, but no more than so
+/// many.
+fn ray_shares(brightness: &[f32]) -> impl Iterator<Item = f32> {
+    let count = brightness.len() as f32;
+    // The relative variance by a ray a texel and these, times the number of texels.
+    let noise = |factor: f32| brightness.iter().map(|b| b * b / (factor * b).max(1.0)).sum::<f32>() / count;
+    let cost = |factor: f32| brightness.iter().map(|b| (factor * b - 1.0).max(0.0)).sum::<f32>() / count;
+    let mut range = GLINT_FACTORS;
+    for _ in 0..GLINT_HALVINGS {
+        let middle = (range.0 * range.1).sqrt();
+        let is_enough = noise(middle) <= GLINT_NOISE || cost(middle) >= GLINT_RAYS;
+        if is_enough { range.1 = middle } else { range.0 = middle }
+    }
+    brightness.iter().map(move |b| range.0 * b)
+}
+
 /// The [`Tracer`] of a point: hole rays with light, verification rays without.
 #[derive(Debug)]
 pub(crate) struct PointTracer<'a, S> {
@@ -240,6 +272,15 @@ const EDGE_SIDE: u32 = 2;
 /// There the texels across differ by more than so many times the mean of the texture, in the root mean square of the
 /// directions.
 const CONTRAST: f32 = 2.0;
+/// What texels with glints may leave to chance: as much as the texels of a look do of which half are lit evenly. And the
+/// most rays that these take, for each ray of the look.
+const GLINT_NOISE: f32 = 2.0;
+const GLINT_RAYS: f32 = 2.0;
+/// Most parts along a side of such a texel.
+const MOST_SIDE: f32 = 8.0;
+/// The rays that a texel of the mean radiance takes lie in this interval, which is halved so many times.
+const GLINT_FACTORS: (f32, f32) = (1e-4, 1e2);
+const GLINT_HALVINGS: u32 = 10;
 /// Keeps the random numbers of further rays apart from those of records.
 const FURTHER_STREAM: u64 = 0x0072_696d;
 /// Keeps the random numbers of hole rays apart from those of records.
@@ -248,6 +289,7 @@ const HOLE_STREAM: u64 = 0x686f_6c65;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Glint;
     use crate::secondary::tests::square;
     use crate::secondary::{Known, NoSecondary};
     use scene::{Description, Environment, Material, Mesh, Ray};
@@ -265,6 +307,65 @@ mod tests {
         fn caustic_irradiance(&self, _: &Surface) -> Vec3 {
             Vec3::ZERO
         }
+    }
+
+    /// The same light, with a glint in the middle of a square of 0.1 m.
+    struct Square;
+
+    impl Secondary for Square {
+        fn irradiance(&self, surface: &Surface) -> Option<Known> {
+            Even.irradiance(surface)
+        }
+
+        fn caustic_irradiance(&self, _: &Surface) -> Vec3 {
+            Vec3::ZERO
+        }
+
+        fn glints(&self, _: &Surface) -> &[Glint] {
+            &[Glint { at: Vec3A::new(0.5, 1.0, 0.2), is_far: false, weight: 1e4 }]
+        }
+    }
+
+    #[test]
+    fn glints_are_looked_at_with_many_rays() {
+        let at = Vec3::new(0.5, 0.0, 0.2);
+        let mesh = Mesh {
+            positions: [square(3.0, 0.0), square(0.05, 1.0).map(|corner| corner + at)].concat(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
+            materials: vec![0, 0, 1, 1],
+            ..Mesh::default()
+        };
+        let black = Material { diffuse: Vec3::ZERO, ..Material::default() };
+        let white = Material { diffuse: Vec3::ONE, ..Material::default() };
+        let description = Description { meshes: vec![mesh], materials: vec![black, white], ..Description::default() };
+        let scene = Scene::new(description).unwrap();
+        let down = Ray::new(Vec3A::new(0.0, 0.5, 0.0), Vec3A::NEG_Y);
+        let floor = scene.surface(&down, &scene.intersect(&down).unwrap());
+        // cos^2 / (pi d^2) times the area, which is small.
+        let distance_sq = 1.0 + at.length_squared();
+        let exact = f64::from(0.01 / (std::f32::consts::PI * distance_sq * distance_sq));
+        fn means(looks: impl Fn(u64) -> (f32, u64)) -> (f64, f64, u64) {
+            let looks: Vec<(f32, u64)> = (0..256).map(looks).collect();
+            let mean = looks.iter().map(|look| f64::from(look.0)).sum::<f64>() / 256.0;
+            let square = looks.iter().map(|look| (f64::from(look.0) - mean).powi(2)).sum::<f64>() / 255.0;
+            (mean, square, looks.iter().map(|look| look.1).sum::<u64>() / 256)
+        }
+        fn look<S: Secondary>(scene: &Scene, secondary: &S, floor: &Surface, key: u64) -> (f32, u64) {
+            let gatherer = Gatherer { scene, secondary, sky: None, divide: false, highlights: true, seed: 5 };
+            let mut rays = RayCounts::default();
+            let samples = gatherer.gather(floor, &Frame::from_normal(floor.n), 16, key, &mut rays);
+            (samples.mean_radiance().x, rays.gather)
+        }
+        let guided = means(|key| look(&scene, &Square, &floor, key));
+        let even = means(|key| look(&scene, &Even, &floor, key));
+        for (mean, variance, _) in [guided, even] {
+            // Four standard errors, and a hundredth for the size of the square.
+            let error = 4.0 * (variance / 256.0).sqrt() + 0.01 * exact;
+            assert!((mean - exact).abs() < error, "{mean} instead of {exact} +- {error}");
+        }
+        assert_eq!(even.2, 256, "a ray a texel");
+        assert!(guided.2 < 4 * 256, "{} rays", guided.2);
+        assert!(guided.1 < 0.1 * even.1, "a variance of {} instead of {}", guided.1, even.1);
     }
 
     #[test]

@@ -33,6 +33,7 @@ mod terms;
 mod walk;
 
 pub use asked_error::{ERROR_RANGE, ErrorEstimate, PixelEstimate, estimate_pixel, render_to_error};
+pub use cells::Glint;
 pub use explain::{Explanation, IrradianceFacts, PointExplanation, RecordFacts, Step, explain};
 pub use film::{Film, FirstHit, Terms};
 pub use path::{MAX_PATH_VERTICES, PathSample, PathTracer};

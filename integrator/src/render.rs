@@ -178,6 +178,7 @@ fn solve_cells(
         probe_rays: plan.probe_rays,
         ray_budget: plan.cell_rays,
         learns_lights: plan.samples.light_learners > 0,
+        guides_gathers: settings.study.gather_guide != Some(false),
     };
     let cells = builder.build(settings.size, &mut statistics.rays);
     statistics.memory.cells = cells.memory_bytes() as u64;

@@ -5,9 +5,9 @@ use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use scene::{Bsdf, LightChoice, LightDirection, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
-use crate::Irradiance;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
+use crate::{Glint, Irradiance};
 
 /// What is known of the light at a surface, apart from what path tracing would find.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +44,12 @@ pub trait Secondary: Sync {
     /// The same at surfaces that gather rays meet, where it need not be as exact; by a quicker way if there is one.
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
         self.caustic_irradiance(surface)
+    }
+
+    /// What is so bright around a surface that much of its indirect light comes by few directions: gathers look there
+    /// with more rays. Empty where light comes from everywhere.
+    fn glints(&self, _: &Surface) -> &[Glint] {
+        &[]
     }
 
     /// How lights of the scene are chosen at surfaces that gather rays meet, where something was learnt of that.

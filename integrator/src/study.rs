@@ -37,6 +37,8 @@ pub struct Study {
     pub light_samples: Option<u32>,
     /// Whether lights are chosen by what was found beforehand to reach what the picture and its paths show.
     pub light_guide: Option<bool>,
+    /// Whether gathers, and links of cells, look more often where light was found to come from few directions.
+    pub gather_guide: Option<bool>,
     /// Rays through a traced glossy lobe for each primary sample, 1 to 1024; a lobe that is narrow or dim takes fewer.
     pub lobe_rays: Option<u32>,
     /// Whether half of the rays of wide lobes go where light was found beforehand.
@@ -103,7 +105,7 @@ const fn switch(place: fn(&mut Study) -> &mut Option<bool>) -> Kind {
 }
 
 /// All settings, by the names that the command line writes.
-const SETTINGS: [(&str, Kind); 31] = [
+const SETTINGS: [(&str, Kind); 32] = [
     ("resolution", Whole(|study| &mut study.resolution, 1, 64)),
     ("spacing", Real(|study| &mut study.spacing, 0.001, 10.0)),
     ("error", Real(|study| &mut study.error, 1e-9, 1.0)),
@@ -115,6 +117,7 @@ const SETTINGS: [(&str, Kind); 31] = [
     ("verify", Whole(|study| &mut study.verify, 0, 8)),
     ("light-samples", Whole(|study| &mut study.light_samples, 1, 1024)),
     ("light-guide", switch(|study| &mut study.light_guide)),
+    ("gather-guide", switch(|study| &mut study.gather_guide)),
     ("lobe-rays", Whole(|study| &mut study.lobe_rays, 1, 1024)),
     ("lobe-guide", switch(|study| &mut study.lobe_guide)),
     ("lobe-reuse", switch(|study| &mut study.lobe_reuse)),

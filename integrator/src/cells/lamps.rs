@@ -115,7 +115,7 @@ impl CellBuilder<'_> {
         rays: &mut RayCounts,
     ) {
         let of_sources = |((cell, row), lamps): ((&FoundCell, &Row), &LampSamples)| {
-            cell.hits as f64 * f64::from(luminance(row.direct + row.source + lamps.mean()))
+            cell.hits as f64 * f64::from(luminance(row.direct + row.source + row.caustic + lamps.mean()))
         };
         let light: f64 = zip(zip(found, rows), &*lamps).map(of_sources).sum();
         let budget = f64::from(self.ray_budget);

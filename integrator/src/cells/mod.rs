@@ -18,7 +18,9 @@
 //! hashing", for the cells. The look-up is not jittered as theirs: gather rays average over cells, and a jittered one
 //! may fall behind a wall.
 
+mod guide;
 mod lamps;
+mod links;
 mod probe;
 mod solve;
 mod table;
@@ -28,26 +30,25 @@ use hemimap::Frame;
 use rayon::prelude::*;
 use scene::{Bsdf, LightChoice, Scene, Specular, Surface};
 
+pub use self::guide::Glint;
+use self::guide::Guide;
+pub(crate) use self::guide::brightness;
 use self::lamps::LampSamples;
-use self::probe::{FoundCell, LEVELS, Probes, Slab, spread};
+use self::probe::{FoundCell, LEVELS, Probes, Slab};
 use self::solve::{CellLight, Row, solve};
 use self::table::Table;
+
 use crate::Irradiance;
 use crate::photons::PhotonSource;
-use crate::sampler::{Sampler, hash, hash_pair};
-use crate::secondary::{Known, Secondary, Shading, unsampled_emission};
-use crate::sky::{SkySplit, soft_background};
-use crate::statistics::RayCounts;
-use crate::walk::{Taken, Visitor, walk};
+use crate::sampler::{hash, hash_pair};
+use crate::secondary::{Known, Secondary, Shading};
+use crate::sky::SkySplit;
+use crate::statistics::{RayCounts, map_counting};
 
-/// Points of a cell that caustics are looked up at: each look-up averages over many photons already.
-const CAUSTIC_POINTS: usize = 4;
-
-/// Light that roulette kept long inside of glass is so rare and so strong that a link of all of it would feed its own
-/// cell; no link has more throughput. Radiance that leaves a medium rises by the square of its refractive index, 5.9 in
-/// diamond, so hardly anything else comes to this bound: what is within a body of a higher index gets too little of the
-/// light outside. And of the eight rays of a cell or more one cannot bring more light than the cell sent.
-const MAX_THROUGHPUT: f32 = 6.0;
+/// Links are made anew so often where they are guided: those of the second round know more of what is bright.
+const GUIDED_ROUNDS: u64 = 2;
+/// Keeps the random numbers of these apart.
+const GUIDED_STREAM: u64 = 5;
 
 /// Hits nearer than this many widths of a cell are not looked up.
 const RESOLUTION_FACTOR: f32 = 2.0;
@@ -61,6 +62,8 @@ pub(crate) struct Cells {
     cells: Vec<Cell>,
     /// How lights of the scene are chosen where rays go on from what they met.
     light_choice: Option<LightChoice>,
+    /// Where light comes from, where that is from few directions.
+    guide: Option<Guide>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -84,6 +87,8 @@ pub(crate) struct CellBuilder<'a> {
     pub(crate) ray_budget: u32,
     /// Whether it is learnt which lights reach the cells.
     pub(crate) learns_lights: bool,
+    /// Whether rays go more often to where light was found to come from.
+    pub(crate) guides_gathers: bool,
 }
 
 impl CellBuilder<'_> {
@@ -95,7 +100,7 @@ impl CellBuilder<'_> {
         let dark = |cell: &FoundCell| Cell { width: cell.width, slab: cell.slab, light: CellLight::default() };
         let light_choice = self.light_choice(None, &found.cells, rays);
         let cells = found.cells.iter().map(dark).collect();
-        let mut cells = Cells { width: found.width, table, cells, light_choice };
+        let mut cells = Cells { width: found.width, table, cells, light_choice, guide: None };
         let found = found.cells;
         let under_sky = self.sky.and_then(|sky| self.light_choice(Some(sky), &found, rays));
         let choice = if self.sky.is_some() { under_sky.as_ref() } else { cells.light_choice.as_ref() };
@@ -111,104 +116,36 @@ impl CellBuilder<'_> {
             .unzip();
         self.add_lamp_samples(&cells, &found, choice, &rows, &mut lamps, rays);
         for (row, lamps) in rows.iter_mut().zip(lamps) {
-            row.direct += lamps.mean();
+            row.lamps = lamps.mean();
             *rays += row.rays;
         }
-        for (cell, light) in cells.cells.iter_mut().zip(solve(&rows)) {
+        let mut light = solve(&rows);
+        cells.guide = self.guide(&found, &rows, &light);
+        for round in 0..GUIDED_ROUNDS {
+            let Some(guide) = cells.guide.as_ref().filter(|guide| guide.helps_links()) else { break };
+            map_counting(rows.par_iter_mut().zip(&found), rays, |(row, cell), rays| {
+                *rays += self.guide_links(&cells, guide, hash_pair(cell.key, GUIDED_STREAM + round), cell, row);
+            });
+            light = solve(&rows);
+            cells.guide = self.guide(&found, &rows, &light);
+        }
+        for (cell, light) in cells.cells.iter_mut().zip(light) {
             cell.light = light;
         }
         cells
     }
 
-    fn row(
-        &self,
-        cells: &Cells,
-        choice: Option<&LightChoice>,
-        cell: u64,
-        points: &[Surface],
-        ray_count: usize,
-    ) -> (Row, LampSamples) {
-        let points: Vec<Shading> = spread(points, ray_count).map(white).collect();
-        // Samples of one point tell no more of the rest of the cell than one does.
-        let mut at_points = vec![Vec3::ZERO; points.len()];
-        let mut row = Row {
-            direct: Vec3::ZERO,
-            source: Vec3::ZERO,
-            caustic: Vec3::ZERO,
-            links: Vec::with_capacity(ray_count),
-            rays: RayCounts::default(),
-        };
-        let share = 1.0 / ray_count as f32;
-        for number in 0..ray_count {
-            let at = number % points.len();
-            let point = &points[at];
-            let number = u32::try_from(number).expect("at most 1024");
-            let mut sampler = Sampler::new(self.seed, hash_pair(cell, 1), number);
-            // A white surface reflects irradiance / pi.
-            let pi = std::f32::consts::PI * share;
-            at_points[at] += self.lamp_light(choice, point, &mut sampler, &mut row.rays);
-            if self.scene.features().emissive_unsampled {
-                row.direct += unsampled_emission(self.scene, point, sampler.next_pair(), &mut row.rays) * pi;
-            }
-            let Some(ray) = point.cosine_ray(sampler.next_pair()) else { continue };
-            row.rays.path += 1;
-            if let Some(hit) = self.scene.intersect(&ray) {
-                let surface = self.scene.surface(&ray, &hit);
-                let mut rays = RayCounts::default();
-                let mut link = LinkWalk { builder: self, cells, row: &mut row, share };
-                let shading = Shading::new(self.scene, surface, ray.direction);
-                walk(self.scene, shading, &mut sampler, &mut rays, &mut link);
-                row.rays += rays;
-            } else {
-                row.direct += pi * soft_background(self.scene, self.sky, ray.direction);
-            }
-        }
-        let mut lamps = LampSamples::default();
-        for (at, light) in at_points.into_iter().enumerate() {
-            lamps.add(light / (ray_count - at).div_ceil(points.len()) as f32);
-        }
-        let caustic = |point: &Shading| self.photons.caustic_irradiance(&point.surface);
-        let caustics: Vec<Vec3> = spread(&points, CAUSTIC_POINTS).map(caustic).collect();
-        row.caustic = caustics.iter().sum::<Vec3>() / caustics.len() as f32;
-        row.source += row.caustic;
-        (row, lamps)
-    }
-}
-
-/// The walk of one link: the cell at its end becomes a link, and the light on its way a source.
-struct LinkWalk<'a> {
-    builder: &'a CellBuilder<'a>,
-    cells: &'a Cells,
-    row: &'a mut Row,
-    /// Share of the ray in the mean of its cell, so that radiance along it counts pi times as much in the irradiance.
-    share: f32,
-}
-
-impl Visitor for LinkWalk<'_> {
-    fn visit(&mut self, shading: &Shading, beta: Vec3, _: f32) -> Taken {
-        let Some(cell) = self.cells.cell_of(&shading.surface) else { return Taken::Nothing };
-        let beta = beta.min(Vec3::splat(MAX_THROUGHPUT));
-        self.row.links.push((cell, self.share * beta * shading.bsdf.diffuse));
-        Taken::All
-    }
-
-    fn add(&mut self, radiance: Vec3) {
-        self.row.source += self.share * std::f32::consts::PI * radiance;
-    }
-
-    fn light_choice(&self) -> Option<&LightChoice> {
-        self.cells.light_choice.as_ref()
-    }
-
-    fn caustic_irradiance(&self, surface: &Surface) -> Vec3 {
-        self.builder.photons.quick_caustic_irradiance(surface)
+    /// What links tell of where light comes from.
+    fn guide(&self, found: &[FoundCell], rows: &[Row], light: &[CellLight]) -> Option<Guide> {
+        self.guides_gathers.then(|| Guide::new(found, rows, light)).flatten()
     }
 }
 
 impl Cells {
     /// Bytes that cells take.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.cells.len() * size_of::<Cell>() + self.table.slots.len() * size_of::<u64>()
+        let guide = self.guide.as_ref().map_or(0, Guide::memory_bytes);
+        self.cells.len() * size_of::<Cell>() + self.table.slots.len() * size_of::<u64>() + guide
     }
 
     /// The light of the cell of a surface; `None` where there is no cell, one that something divides, or one of another
@@ -256,6 +193,10 @@ impl Secondary for CellSource<'_> {
 
     fn light_choice(&self) -> Option<&LightChoice> {
         self.cells.light_choice.as_ref()
+    }
+
+    fn glints(&self, surface: &Surface) -> &[Glint] {
+        self.cells.guide.as_ref().map_or(&[], |guide| guide.glints(surface.p, surface.ng))
     }
 
     fn quick_caustic_irradiance(&self, surface: &Surface) -> Vec3 {
@@ -306,6 +247,11 @@ mod tests {
 
     /// A scene and the cells that its picture makes.
     fn cells_of(description: Description, seed: u64) -> (Scene, Cells) {
+        guided_cells_of(description, seed, true)
+    }
+
+    /// The same with links that go where light comes from, or do not.
+    fn guided_cells_of(description: Description, seed: u64, guides_gathers: bool) -> (Scene, Cells) {
         let scene = Scene::new(description).unwrap();
         let maps = PhotonMaps::shoot(&scene, &PhotonSettings { global: false, caustic: false, ..Default::default() });
         let photons = PhotonSource { maps: &maps, scene: &scene };
@@ -317,6 +263,7 @@ mod tests {
             probe_rays: 24,
             ray_budget: 200_000,
             learns_lights: true,
+            guides_gathers,
         };
         let cells = builder.build(UVec2::splat(16), &mut RayCounts::default());
         (scene, cells)
@@ -348,6 +295,26 @@ mod tests {
         Some(Camera { eye, at: Vec3::Y * 0.2, up: Vec3::Y, fov_y_degrees: 90.0 })
     }
 
+    /// The four walls of a room of 4 m x 4 m, 1 m high.
+    fn walls() -> [[Vec3; 4]; 4] {
+        let wall = |x: f32| [(0.0, -2.0), (0.0, 2.0), (1.0, 2.0), (1.0, -2.0)].map(|(y, z)| Vec3::new(x, y, z));
+        let turned = |corners: [Vec3; 4]| corners.map(|p| Vec3::new(p.z, p.y, p.x));
+        [wall(-2.0), wall(2.0), turned(wall(-2.0)), turned(wall(2.0))]
+    }
+
+    /// Its roof, with a hole from the middle `half` to each side.
+    fn roof(half: f32) -> [[Vec3; 4]; 4] {
+        let strip = |x: [f32; 2], z: [f32; 2]| {
+            [(x[0], z[0]), (x[1], z[0]), (x[1], z[1]), (x[0], z[1])].map(|(x, z)| Vec3::new(x, 1.0, z))
+        };
+        [
+            strip([-2.0, 2.0], [-2.0, -half]),
+            strip([-2.0, 2.0], [half, 2.0]),
+            strip([-2.0, -half], [-half, half]),
+            strip([half, 2.0], [-half, half]),
+        ]
+    }
+
     #[test]
     fn each_side_of_a_wall_has_its_own_light() {
         // A low wall of paper on a floor under a ceiling, and a lamp on one side of it.
@@ -375,10 +342,7 @@ mod tests {
 
     #[test]
     fn a_lamp_is_found_where_a_roof_hides_the_sun() {
-        let wall = |x: f32| [(0.0, -2.0), (0.0, 2.0), (1.0, 2.0), (1.0, -2.0)].map(|(y, z)| Vec3::new(x, y, z));
-        let turned = |corners: [Vec3; 4]| corners.map(|p| Vec3::new(p.z, p.y, p.x));
-        let walls = [wall(-2.0), wall(2.0), turned(wall(-2.0)), turned(wall(2.0))];
-        let room = [&[square(2.0, 0.0), square(2.0, 1.0)], &walls[..]].concat().concat();
+        let room = [&[square(2.0, 0.0), square(2.0, 1.0)], &walls()[..]].concat().concat();
         let lamp = PunctualLight::Point { position: 0.9 * Vec3::Y, intensity: Vec3::ONE };
         let sun = PunctualLight::Directional { direction: Vec3::new(0.2, -1.0, 0.1), irradiance: Vec3::splat(1e5) };
         let mean = |lights: Vec<PunctualLight>| {
@@ -403,19 +367,10 @@ mod tests {
     /// How far the light of a patch of sun is off in the cells of a floor, relatively, by seeds: below a hole in a roof,
     /// from its middle `half` to each side.
     fn errors_of_patch(half: f32, seeds: RangeInclusive<u64>) -> Vec<f32> {
-        let strip = |x: [f32; 2], z: [f32; 2]| {
-            [(x[0], z[0]), (x[1], z[0]), (x[1], z[1]), (x[0], z[1])].map(|(x, z)| Vec3::new(x, 1.0, z))
-        };
-        let roof = [
-            strip([-2.0, 2.0], [-2.0, -half]),
-            strip([-2.0, 2.0], [half, 2.0]),
-            strip([-2.0, -half], [-half, half]),
-            strip([half, 2.0], [-half, half]),
-        ];
         let sun = PunctualLight::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
         let error = |seed| {
             let description = Description {
-                meshes: vec![squares([&[square(2.0, 0.0)], &roof[..]].concat().concat(), |_| 0)],
+                meshes: vec![squares([&[square(2.0, 0.0)], &roof(half)[..]].concat().concat(), |_| 0)],
                 materials: vec![Material::default()],
                 lights: vec![sun],
                 camera: camera(),
@@ -447,5 +402,36 @@ mod tests {
         let errors = errors_of_patch(0.008, 1..=64);
         let mean = errors.iter().sum::<f32>() / errors.len() as f32;
         assert!(mean.abs() < 0.3, "{mean}: {errors:?}");
+    }
+
+    #[test]
+    fn links_find_the_patch_that_lights_a_room() {
+        let sun = PunctualLight::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+        // What is reflected onto all cells, by seeds.
+        let light = |guides_gathers: bool| -> Vec<f64> {
+            let of_seed = |seed| {
+                let description = Description {
+                    meshes: vec![squares([&[square(2.0, 0.0)], &roof(0.06)[..], &walls()].concat().concat(), |_| 0)],
+                    materials: vec![Material::default()],
+                    lights: vec![sun],
+                    camera: camera(),
+                    ..Description::default()
+                };
+                let (_, cells) = guided_cells_of(description, seed, guides_gathers);
+                assert_eq!(cells.guide.is_some(), guides_gathers);
+                cells.cells.iter().map(|cell| f64::from(cell.light.indirect.x)).sum::<f64>() / cells.cells.len() as f64
+            };
+            (1..=12).map(of_seed).collect()
+        };
+        let spread = |values: Vec<f64>| {
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64;
+            (mean, variance, variance / values.len() as f64)
+        };
+        let (guided, even) = (spread(light(true)), spread(light(false)));
+        // Four standard errors; the seeds are fixed.
+        let error = (guided.2 + even.2).sqrt();
+        assert!((guided.0 - even.0).abs() < 4.0 * error, "{} and {} +- {error}", guided.0, even.0);
+        assert!(guided.1 < 0.5 * even.1, "a variance of {} and {}", guided.1, even.1);
     }
 }

@@ -3,6 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::guide::LinkEnd;
 use crate::statistics::RayCounts;
 
 /// Estimated error of the iteration at its end, relative to the sum over the cells.
@@ -23,14 +24,31 @@ pub(super) struct CellLight {
 }
 
 /// A cell's sources and links.
+#[derive(Default)]
 pub(super) struct Row {
+    /// Light of lamps, by light samples.
+    pub(super) lamps: Vec3,
+    /// Other light straight from its sources, as rays met it.
     pub(super) direct: Vec3,
-    /// Light of walks that met no cell, and caustics.
+    /// Light of walks that met no cell.
     pub(super) source: Vec3,
-    /// The caustics in it.
     pub(super) caustic: Vec3,
     pub(super) links: Vec<(u32, Vec3)>,
+    /// What the rays of the links met.
+    pub(super) ends: Vec<LinkEnd>,
     pub(super) rays: RayCounts,
+}
+
+impl Row {
+    /// A dark one, for so many rays.
+    pub(super) fn with_capacity(ray_count: usize) -> Self {
+        Self { links: Vec::with_capacity(ray_count), ends: Vec::with_capacity(ray_count), ..Self::default() }
+    }
+
+    /// All light straight from its sources.
+    fn all_direct(&self) -> Vec3 {
+        self.direct + self.lamps
+    }
 }
 
 /// Iterates E = D + W E from the sources up. The changes soon become geometric, and their ratio tells what is still to
@@ -45,8 +63,8 @@ pub(super) fn solve(rows: &[Row]) -> Vec<CellLight> {
         let mut next: Vec<Vec3> = rows
             .par_iter()
             .map(|row| {
-                let all = |cell: u32| rows[cell as usize].direct + indirect[cell as usize];
-                row.source + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
+                let all = |cell: u32| rows[cell as usize].all_direct() + indirect[cell as usize];
+                row.source + row.caustic + row.links.iter().map(|&(cell, weight)| weight * all(cell)).sum::<Vec3>()
             })
             .collect();
         let sum = |values: &mut dyn Iterator<Item = Vec3>| values.map(|v| f64::from(v.element_sum())).sum::<f64>();
@@ -70,7 +88,7 @@ pub(super) fn solve(rows: &[Row]) -> Vec<CellLight> {
             break;
         }
     }
-    let light = |(row, indirect): (&Row, Vec3)| CellLight { direct: row.direct, indirect, caustic: row.caustic };
+    let light = |(row, indirect): (&Row, Vec3)| CellLight { direct: row.all_direct(), indirect, caustic: row.caustic };
     rows.iter().zip(indirect).map(light).collect()
 }
 
@@ -83,10 +101,8 @@ mod tests {
             .into_iter()
             .map(|(direct, links)| Row {
                 direct: Vec3::splat(direct),
-                source: Vec3::ZERO,
-                caustic: Vec3::ZERO,
                 links: links.into_iter().map(|(cell, weight)| (cell, Vec3::splat(weight))).collect(),
-                rays: RayCounts::default(),
+                ..Row::default()
             })
             .collect();
         solve(&rows).iter().map(|light| (light.indirect + light.direct).x).collect()
