@@ -322,7 +322,8 @@ mod tests {
         }
 
         fn glints(&self, _: &Surface) -> &[Glint] {
-            &[Glint { at: Vec3A::new(0.5, 1.0, 0.2), is_far: false, weight: 1e4 }]
+            const MIDDLE: Glint = Glint { at: Vec3A::new(0.5, 1.0, 0.2), is_far: false, weight: 1e4 };
+            &[MIDDLE]
         }
     }
 
