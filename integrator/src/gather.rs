@@ -44,7 +44,9 @@ impl<S: Secondary> Gatherer<'_, S> {
             samples.view_dependent[texel] = is_marked;
         }
         rays.gather += (n * n) as u64;
-        self.refine(surface, frame, &mut samples, key, rays);
+        if self.divide || !self.secondary.glints(surface).is_empty() {
+            self.refine(surface, frame, &mut samples, key, rays);
+        }
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {
@@ -77,7 +79,10 @@ impl<S: Secondary> Gatherer<'_, S> {
     fn refine(&self, surface: &Surface, frame: &Frame, samples: &mut Samples, key: u64, rays: &mut RayCounts) {
         let n = samples.resolution();
         let mut sides = if self.divide { divisions(samples, self.sky.is_some()) } else { vec![1; n * n] };
-        self.divide_glints(surface, frame, n, &mut sides);
+        let glints = self.secondary.glints(surface);
+        if !glints.is_empty() {
+            divide_glints(&brightness(glints, surface.p, frame, n), &mut sides);
+        }
         for (texel, side) in sides.into_iter().enumerate().filter(|(_, side)| *side > 1) {
             let place = Vec2::new((texel % n) as f32, (texel / n) as f32);
             let seen = (samples.jitter(texel) * side as f32).as_uvec2();
@@ -115,21 +120,6 @@ impl<S: Secondary> Gatherer<'_, S> {
             if total > 0.0 {
                 samples.background_share[texel] = parts[1].element_sum() / total;
             }
-        }
-    }
-
-    /// Divides the texels that show what is so bright that one ray each would leave much to chance; `sides` are the
-    /// parts along a side of each.
-    fn divide_glints(&self, surface: &Surface, frame: &Frame, n: usize, sides: &mut [u32]) {
-        let glints = self.secondary.glints(surface);
-        if glints.is_empty() {
-            return;
-        }
-        let brightness = brightness(glints, surface.p, frame, n);
-        for (side, rays) in sides.iter_mut().zip(ray_shares(&brightness)) {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_SIDE")]
-            let wanted = rays.sqrt().round().clamp(1.0, MOST_SIDE) as u32;
-            *side = (*side).max(wanted);
         }
     }
 
@@ -219,21 +209,31 @@ fn divisions(samples: &Samples, has_sky: bool) -> Vec<u32> {
     (0..n * n).map(side).collect()
 }
 
-/// Returns how many rays each texel should take where the root mean square of their radiance is this, relative to the
-/// mean of all: in proportion to it (Neyman 1934), until what they leave to chance is little enough, but no more than so
-/// many.
+/// Divides texels that show what is so bright that one ray each would leave much to chance: `sides` are their parts
+/// along a side, `brightness` the root mean square of their radiance, relative to the mean of all.
+fn divide_glints(brightness: &[f32], sides: &mut [u32]) {
+    for (side, rays) in sides.iter_mut().zip(ray_shares(brightness)) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_SIDE")]
+        let wanted = rays.sqrt().round() as u32;
+        *side = (*side).max(wanted);
+    }
+}
+
+/// Returns how many rays each texel should take: in proportion to the brightness (Neyman 1934), until what they leave to
+/// chance is little enough, but no more than so many.
 fn ray_shares(brightness: &[f32]) -> impl Iterator<Item = f32> {
     let count = brightness.len() as f32;
     // The relative variance by a ray a texel and these, times the number of texels.
-    let noise = |factor: f32| brightness.iter().map(|b| b * b / (factor * b).max(1.0)).sum::<f32>() / count;
-    let cost = |factor: f32| brightness.iter().map(|b| (factor * b - 1.0).max(0.0)).sum::<f32>() / count;
+    let rays = |factor: f32, b: f32| (factor * b).clamp(1.0, MOST_SIDE * MOST_SIDE);
+    let noise = |factor: f32| brightness.iter().map(|&b| b * b / rays(factor, b)).sum::<f32>() / count;
+    let cost = |factor: f32| brightness.iter().map(|&b| rays(factor, b) - 1.0).sum::<f32>() / count;
     let mut range = GLINT_FACTORS;
     for _ in 0..GLINT_HALVINGS {
         let middle = (range.0 * range.1).sqrt();
         let is_enough = noise(middle) <= GLINT_NOISE || cost(middle) >= GLINT_RAYS;
         if is_enough { range.1 = middle } else { range.0 = middle }
     }
-    brightness.iter().map(move |b| range.0 * b)
+    brightness.iter().map(move |&b| rays(range.0, b))
 }
 
 /// The [`Tracer`] of a point: hole rays with light, verification rays without.

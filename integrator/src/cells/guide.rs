@@ -15,6 +15,7 @@ use std::ops::Range;
 
 use glam::{IVec2, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
+use rayon::prelude::*;
 
 use super::probe::FoundCell;
 use super::side_of;
@@ -29,6 +30,8 @@ const GUIDED_GATHERS: f32 = 0.15;
 const GUIDED_LINKS: f32 = 0.05;
 /// Most glints of a part, those that weigh most.
 const MAX_GLINTS: usize = 128;
+/// No glint is brighter, however near it is: sums of all are numbers.
+const BRIGHTEST: f32 = 1e12;
 /// The solid angle of links that left their point at a smaller cosine is taken as at this one.
 const MIN_COS: f32 = 0.05;
 
@@ -36,7 +39,7 @@ const MIN_COS: f32 = 0.05;
 #[derive(Debug, Clone)]
 pub(super) struct LinkEnd {
     /// Where it is, or the direction where that is infinitely far.
-    pub(super) at: Vec3A,
+    pub(super) at: Vec3,
     /// Its distance, metres.
     pub(super) distance: f32,
     /// The cosine at the start of the link.
@@ -81,7 +84,7 @@ pub(super) struct Guide {
 #[derive(Debug)]
 enum Node {
     Split { axis: usize, at: f32, children: [usize; 2] },
-    Leaf { glints: Range<usize>, lit_share: f32 },
+    Leaf { glints: Range<usize>, sums: Sums },
 }
 
 /// A cell and the radiance that each of its links brought.
@@ -105,8 +108,10 @@ impl Guide {
     /// Learns from the links of cells; `None` where light comes from everywhere.
     pub(super) fn new(found: &[FoundCell], rows: &[Row], light: &[CellLight]) -> Option<Self> {
         let mut sides: [Vec<Member<'_>>; 6] = Default::default();
-        for (cell, row) in zip(found, rows) {
-            sides[side_of(cell.points[0].ng)].push(Member::new(cell, row, light));
+        let members =
+            found.par_iter().zip(rows).map(|(cell, row)| (side_of(cell.points[0].ng), Member::new(cell, row, light)));
+        for (side, member) in members.collect::<Vec<_>>() {
+            sides[side].push(member);
         }
         let mut guide = Self::default();
         for (root, members) in sides.iter_mut().enumerate() {
@@ -117,29 +122,29 @@ impl Guide {
 
     /// Whether any links are to be guided.
     pub(super) fn helps_links(&self) -> bool {
-        self.nodes.iter().any(|node| matches!(node, Node::Leaf { lit_share, .. } if *lit_share < GUIDED_LINKS))
+        self.nodes.iter().any(|node| matches!(node, Node::Leaf { sums, .. } if sums.lit_share() < GUIDED_LINKS))
     }
 
     /// The glints that a surface sees, where they help its gathers.
     pub(super) fn glints(&self, p: Vec3A, ng: Vec3A) -> &[Glint] {
-        self.leaf(p, ng).0
+        self.leaf(p, ng).map_or(&[], |(glints, _)| glints)
     }
 
-    /// The same where they help its links.
-    pub(super) fn glints_for_links(&self, p: Vec3A, ng: Vec3A) -> &[Glint] {
-        let (glints, lit_share) = self.leaf(p, ng);
-        if lit_share < GUIDED_LINKS { glints } else { &[] }
+    /// The same for its links, if these are to be made anew: where few of them bring the light, and where they met so
+    /// little that this is not known. If only those were that met something, what others missed by chance would be lost.
+    pub(super) fn glints_for_links(&self, p: Vec3A, ng: Vec3A) -> Option<&[Glint]> {
+        let (glints, sums) = self.leaf(p, ng)?;
+        (sums.lit_share() < GUIDED_LINKS || sums.hits() < MIN_HITS).then_some(glints)
     }
 
-    fn leaf(&self, p: Vec3A, ng: Vec3A) -> (&[Glint], f32) {
-        let mut next = self.roots[side_of(ng)];
-        while let Some(node) = next {
+    fn leaf(&self, p: Vec3A, ng: Vec3A) -> Option<(&[Glint], &Sums)> {
+        let mut node = self.roots[side_of(ng)]?;
+        loop {
             match &self.nodes[node] {
-                &Node::Split { axis, at, children } => next = Some(children[usize::from(p[axis] >= at)]),
-                Node::Leaf { glints, lit_share } => return (&self.glints[glints.clone()], *lit_share),
+                &Node::Split { axis, at, children } => node = children[usize::from(p[axis] >= at)],
+                Node::Leaf { glints, sums } => return Some((&self.glints[glints.clone()], sums)),
             }
         }
-        (&[], 1.0)
     }
 
     /// Bytes that it takes.
@@ -168,7 +173,7 @@ impl Guide {
             if sums.lit_share() < GUIDED_GATHERS {
                 self.glints.extend(glints(members, &sums));
             }
-            self.nodes.push(Node::Leaf { glints: first..self.glints.len(), lit_share: sums.lit_share() });
+            self.nodes.push(Node::Leaf { glints: first..self.glints.len(), sums });
         }
         number
     }
@@ -178,16 +183,21 @@ impl Guide {
 fn glints(members: &[Member<'_>], sums: &Sums) -> Vec<Glint> {
     let mean = sums.light / sums.share;
     let ends = members.iter().flat_map(|member| &member.ends).filter(|(_, radiance)| *radiance > mean);
-    let glint = |&(end, radiance): &(&LinkEnd, f32)| {
+    // The mean square of the radiance that each stands for.
+    let mut ends: Vec<(&LinkEnd, f32)> =
+        ends.map(|&(end, radiance)| (end, (radiance / mean).powi(2) * end.share / sums.share)).collect();
+    ends.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let sum = |ends: &[(&LinkEnd, f32)]| ends.iter().map(|end| end.1).sum::<f32>();
+    let all = sum(&ends);
+    ends.truncate(MAX_GLINTS);
+    let scale = all / sum(&ends);
+    let glint = |(end, square): (&LinkEnd, f32)| {
         let is_far = end.distance.is_infinite();
         let across = if is_far { 1.0 } else { end.distance * end.distance };
-        let solid_angle = std::f32::consts::PI * end.share / (sums.share * end.cos.max(MIN_COS));
-        Glint { at: end.at, is_far, weight: (radiance / mean).powi(2) * solid_angle * across }
+        let weight = scale * square * std::f32::consts::PI / end.cos.max(MIN_COS) * across;
+        Glint { at: end.at.into(), is_far, weight }
     };
-    let mut glints: Vec<Glint> = ends.map(glint).collect();
-    glints.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-    glints.truncate(MAX_GLINTS);
-    glints
+    ends.into_iter().map(glint).collect()
 }
 
 impl<'a> Member<'a> {
@@ -247,8 +257,8 @@ pub(crate) fn brightness(glints: &[Glint], p: Vec3A, frame: &Frame, n: usize) ->
         let across = if glint.is_far { 1.0 } else { way.length_squared() };
         let wi = frame.to_local(way.normalize_or(frame.n));
         if wi.z > 0.0 && across > 0.0 {
-            let share = glint.weight * wi.z / (std::f32::consts::PI * across);
-            spread_over(&mut squares, n, hemimap::cosine_hemisphere_to_square(wi), share);
+            let square = (glint.weight * wi.z / (std::f32::consts::PI * across)).min(BRIGHTEST);
+            spread_over(&mut squares, n, hemimap::cosine_hemisphere_to_square(wi), square);
         }
     }
     squares.into_iter().map(|square| (square * (n * n) as f32).sqrt()).collect()

@@ -21,6 +21,8 @@ const CAUSTIC_POINTS: usize = 4;
 const GUIDED_POINTS: usize = 16;
 const GUIDED_SIDE_U32: u32 = 16;
 const GUIDED_SIDE: usize = GUIDED_SIDE_U32 as usize;
+/// At least so many rays of each, so that none brings more light than was sent, see [`MAX_THROUGHPUT`].
+const GUIDED_RAYS: usize = 32;
 /// Share of their rays that go anywhere, so that none stands for more than twice what an even one does.
 const UNGUIDED: f32 = 0.5;
 
@@ -72,14 +74,12 @@ impl CellBuilder<'_> {
         guide: &Guide,
         stream: u64,
         cell: &FoundCell,
+        ray_count: usize,
         row: &mut Row,
     ) -> RayCounts {
         let Surface { p, ng, .. } = cell.points[0];
-        let glints = guide.glints_for_links(p, ng);
-        if glints.is_empty() {
-            return RayCounts::default();
-        }
-        let ray_count = row.ends.len();
+        let Some(glints) = guide.glints_for_links(p, ng) else { return RayCounts::default() };
+        let ray_count = ray_count.max(GUIDED_RAYS);
         let points: Vec<(Shading, Directions)> = spread(&cell.points, GUIDED_POINTS.min(ray_count))
             .map(white)
             .map(|point| {
@@ -88,15 +88,21 @@ impl CellBuilder<'_> {
             })
             .collect();
         let mut guided = Row { lamps: row.lamps, caustic: row.caustic, ..Row::with_capacity(ray_count) };
+        let mut unsampled = Row::default();
         let even = 1.0 / ray_count as f32;
+        let mut shares = 0.0;
         for number in 0..ray_count {
             let (point, directions) = &points[number % points.len()];
             let mut sampler = self.link_sampler(stream, number);
             let [u_way, u, v, _] = sampler.next_4d_for(true);
-            self.add_unsampled(point, even, &mut sampler, &mut guided);
+            self.add_unsampled(point, even, &mut sampler, &mut unsampled);
             let (place, density) = directions.sample(u_way, Vec2::new(u, v));
+            shares += even / density;
             self.add_link(cells, point, place, even / density, &mut sampler, &mut guided);
         }
+        guided.scale_links(1.0 / shares);
+        guided.direct += unsampled.direct;
+        guided.rays += unsampled.rays;
         *row = guided;
         row.rays
     }
@@ -137,7 +143,7 @@ impl CellBuilder<'_> {
         let number = |links: usize| u32::try_from(links).expect("a ray brings a few");
         let links = number(first)..number(row.links.len());
         let cos = ray.direction.dot(point.frame.n);
-        row.ends.push(LinkEnd { at, distance, cos, share, links, source: luminance(light) });
+        row.ends.push(LinkEnd { at: at.into(), distance, cos, share, links, source: luminance(light) });
     }
 }
 

@@ -124,7 +124,8 @@ impl CellBuilder<'_> {
         for round in 0..GUIDED_ROUNDS {
             let Some(guide) = cells.guide.as_ref().filter(|guide| guide.helps_links()) else { break };
             map_counting(rows.par_iter_mut().zip(&found), rays, |(row, cell), rays| {
-                *rays += self.guide_links(&cells, guide, hash_pair(cell.key, GUIDED_STREAM + round), cell, row);
+                let stream = hash_pair(cell.key, GUIDED_STREAM + round);
+                *rays += self.guide_links(&cells, guide, stream, cell, ray_count(cell), row);
             });
             light = solve(&rows);
             cells.guide = self.guide(&found, &rows, &light);

@@ -45,6 +45,20 @@ impl Row {
         Self { links: Vec::with_capacity(ray_count), ends: Vec::with_capacity(ray_count), ..Self::default() }
     }
 
+    /// Multiplies what links brought: where each stands for its own share, these must sum to 1, or the light of a white
+    /// room would grow without end.
+    pub(super) fn scale_links(&mut self, factor: f32) {
+        self.direct *= factor;
+        self.source *= factor;
+        for (_, weight) in &mut self.links {
+            *weight *= factor;
+        }
+        for end in &mut self.ends {
+            end.share *= factor;
+            end.source *= factor;
+        }
+    }
+
     /// All light straight from its sources.
     fn all_direct(&self) -> Vec3 {
         self.direct + self.lamps
