@@ -4,7 +4,8 @@
 //! The links of cells tell it. Cells that face the same side are divided in space as long as both halves know enough
 //! bright ends of links. A part in which few links bring most of the light keeps these ends, its glints; any point of it
 //! sees them, and sends its rays there more often: first cells, whose links are made anew, then gathers. Numbers of rays
-//! and their chances depend on links that are not counted themselves, so that the light is not biased.
+//! and their chances depend on links that are not counted themselves; only whether links of a part are made anew is
+//! decided by those that are kept if not.
 //!
 //! # Source
 //! Jensen 1995, *Importance driven path tracing using the photon map*; Müller, Gross and Novák 2017, *Practical path
