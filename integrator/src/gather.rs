@@ -44,9 +44,7 @@ impl<S: Secondary> Gatherer<'_, S> {
             samples.view_dependent[texel] = is_marked;
         }
         rays.gather += (n * n) as u64;
-        if self.divide || !self.secondary.glints(surface).is_empty() {
-            self.refine(surface, frame, &mut samples, key, rays);
-        }
+        self.refine(surface, frame, &mut samples, key, rays);
         settle_highlights(&mut samples);
         // Below its own surface a record saw nothing, but another point may.
         if surface.ng != frame.n {

@@ -17,6 +17,7 @@ use std::ops::Range;
 use glam::{IVec2, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use rayon::prelude::*;
+use scene::Aabb;
 
 use super::probe::FoundCell;
 use super::side_of;
@@ -156,10 +157,9 @@ impl Guide {
     /// Makes the node of some cells and those below it. Recursion halves the cells.
     fn divide(&mut self, members: &mut [Member<'_>]) -> usize {
         let number = self.nodes.len();
-        let none = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        let (low, high) =
-            members.iter().fold(none, |(low, high), member| (low.min(member.centre), high.max(member.centre)));
-        let axis = (high - low).max_position();
+        let bounds =
+            members.iter().map(|member| Aabb::of_points(&[member.centre.into()])).fold(Aabb::EMPTY, Aabb::union);
+        let axis = (bounds.max - bounds.min).max_position();
         let middle = members.len() / 2;
         members.select_nth_unstable_by(middle, |a, b| a.centre[axis].total_cmp(&b.centre[axis]));
         let (before, after) = members.split_at_mut(middle);
