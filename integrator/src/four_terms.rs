@@ -91,9 +91,8 @@ pub(crate) fn render<S: Secondary>(
                 irradiance_cache::fill(&indirect, &lattice, &mut irradiance, &mut counts, ask)
             }
             Method::Reproject | Method::Path => {
-                let ask = |todo, stride, counts: &mut Counts| {
-                    indirect.reproject(lattice.points(), todo, stride, &mut index, counts)
-                };
+                let ask =
+                    |todo, stride, counts: &mut Counts| indirect.reproject(&lattice, todo, stride, &mut index, counts);
                 irradiance_cache::fill(&indirect, &lattice, &mut irradiance, &mut counts, ask)
             }
         });

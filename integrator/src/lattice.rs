@@ -52,6 +52,13 @@ impl Lattice {
         level
     }
 
+    /// The share of a point in what its pixel shows of all surfaces.
+    pub(crate) fn share(&self, number: usize) -> f32 {
+        let weight = |number: usize| self.points[number].specular_weight.max_element();
+        let all = self.of_pixel(self.points[number].pixel as usize).map(weight).sum::<f32>();
+        weight(number) / all.max(f32::MIN_POSITIVE)
+    }
+
     /// The numbers of the points of a pixel of the band.
     pub(crate) fn of_pixel(&self, pixel: usize) -> std::ops::Range<usize> {
         self.starts[pixel] as usize..self.starts[pixel + 1] as usize

@@ -25,10 +25,8 @@ pub(super) const MIN_PIXELS: f32 = 1.5;
 impl<'a> Recorder<'a> {
     /// Makes records as the plan has them.
     pub(crate) fn new(plan: &'a RecordPlan) -> Self {
-        let mut resolutions = vec![plan.n, plan.look_n, plan.look_n_at(2), plan.look_n_at(1)];
-        resolutions.dedup();
         let step = |n: usize| (n / BLOCKS).max(1);
-        let edges = resolutions.into_iter().map(|n| TexelEdges::new(n, step(n))).collect();
+        let edges = plan.resolutions().into_iter().map(|n| TexelEdges::new(n, step(n))).collect();
         Self { edges, plan }
     }
 

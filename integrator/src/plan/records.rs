@@ -9,7 +9,7 @@ use crate::{Method, Settings};
 /// What gathers and their records take.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RecordPlan {
-    /// Resolution of a gather that becomes a record, and of one that does not, see [`Self::look_n_at`].
+    /// Resolution of a gather that becomes a record, and of one that does not, see [`Self::late_n`].
     pub(crate) n: usize,
     pub(crate) look_n: usize,
     /// Side of a square picture of as many pixels.
@@ -56,6 +56,10 @@ const MIN_PIXELS: f32 = 1.0;
 /// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a
 /// gather has missed come between, and a record far out on a wide floor has no texel for the bodies of a close-up.
 const MAX_SHARE: f32 = 0.25;
+/// Texels along a side of a look, for each of one that serves others, from points of the lattices of strides 1 and 2.
+const LATE: [f32; 2] = [2.0 / 3.0, 5.0 / 6.0];
+/// And the same there for points of less than a quarter of their pixel, of less than half of it, and of more.
+const THIN: [f32; 3] = [0.5, 0.7, 1.0];
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
 
@@ -122,15 +126,30 @@ impl RecordPlan {
         }
     }
 
-    /// Resolution of a look from a point that was asked on the lattice of this stride, where there are records of
-    /// radiance. Points that are asked late and have no record lie in reliefs and corners, and serve few others.
-    pub(crate) fn look_n_at(&self, stride: usize) -> usize {
-        let share = match stride {
-            1 if self.look_n < self.n => 2.0 / 3.0,
-            2 if self.look_n < self.n => 5.0 / 6.0,
-            _ => 1.0,
-        };
-        round(self.look_n as f32 * share, 1.0, 64.0) as usize
+    /// Whether points of the lattice of this stride are asked so late that they serve few others: those that have no
+    /// record by then lie in reliefs, corners and leaves.
+    pub(crate) fn is_late(&self, stride: usize) -> bool {
+        stride <= LATE.len() && self.look_n < self.n
+    }
+
+    /// Resolution of the look of such a point that has this share of its pixel.
+    pub(crate) fn late_n(&self, stride: usize, share: f32) -> usize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share between 0 and 1")]
+        let quarters = (share * 4.0) as usize;
+        self.look_n_by(LATE[stride - 1], THIN[quarters.min(THIN.len() - 1)])
+    }
+
+    /// The resolutions of all gathers of which records are made.
+    pub(crate) fn resolutions(&self) -> Vec<usize> {
+        let late = LATE.into_iter().flat_map(|late| THIN.map(|thin| self.look_n_by(late, thin)));
+        let mut resolutions: Vec<usize> = late.chain([self.n, self.look_n]).collect();
+        resolutions.sort_unstable();
+        resolutions.dedup();
+        resolutions
+    }
+
+    fn look_n_by(&self, late: f32, thin: f32) -> usize {
+        round(self.look_n as f32 * late * thin, 1.0, 64.0) as usize
     }
 
     /// The width of the whole picture where a pixel is `footprint` metres wide at the surface.
@@ -153,5 +172,32 @@ impl RecordPlan {
     /// The farthest that any record reaches there, metres.
     pub(crate) fn max_reach(&self, footprint: f32) -> f32 {
         self.max_share * self.scene_size.min(self.picture_width(footprint))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scene::Description;
+
+    #[test]
+    fn points_that_serve_few_look_with_fewer_rays() {
+        let scene = Scene::new(Description::default()).unwrap();
+        let plan = RecordPlan::new(&scene, &Settings::default());
+        assert!(plan.is_late(1) && plan.is_late(2) && !plan.is_late(4));
+        let mut resolutions = Vec::new();
+        for stride in [1, 2] {
+            // Of a point that is nothing, of slivers, of a half and of all of a pixel.
+            resolutions.extend([0.0, 0.2, 0.3, 0.5, 1.0].map(|share| plan.late_n(stride, share)));
+        }
+        let n = plan.look_n as f32;
+        let shares: Vec<f32> = resolutions.iter().map(|&late_n| (late_n as f32 / n).powi(2)).collect();
+        for (share, expected) in shares.iter().zip([0.11, 0.11, 0.22, 0.44, 0.44, 0.17, 0.17, 0.34, 0.69, 0.69]) {
+            assert!((share - expected).abs() < 0.05, "{shares:?} of the rays of a look");
+        }
+        resolutions.extend([plan.n, plan.look_n]);
+        assert!(resolutions.iter().all(|n| plan.resolutions().contains(n)), "{resolutions:?}");
+        let even = RecordPlan::new(&scene, &Settings { method: Method::CacheOnly, ..Settings::default() });
+        assert!(!even.is_late(1), "without records of radiance, looks are all that there is");
     }
 }

@@ -18,6 +18,7 @@ use super::glossy::{lobe_weights, thin_holes};
 use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
+use crate::lattice::Lattice;
 use crate::plan::Plan;
 use crate::rungs::Rung;
 use crate::sampler::{hash, hash_pair};
@@ -95,6 +96,15 @@ enum Answer {
     Missing(RayCounts),
 }
 
+/// How a point looks for itself where no record serves it.
+#[derive(Clone, Copy)]
+struct OwnLook {
+    /// Texels along a side.
+    n: usize,
+    /// Whether it serves this point alone: no record of radiance comes of it.
+    is_last: bool,
+}
+
 /// Buffers of a thread.
 struct Buffers {
     workspace: Workspace,
@@ -146,24 +156,27 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     /// served, a batch of the others becomes records, and the rest asks again.
     pub(crate) fn reproject(
         &self,
-        points: &[SurfacePoint],
+        lattice: &Lattice,
         mut todo: Vec<usize>,
         stride: usize,
         index: &mut Index,
         counts: &mut Counts,
     ) -> Vec<(usize, Look)> {
         let mut looks = Vec::with_capacity(todo.len());
-        let look_n = |number: usize| {
-            let takes_texture = self.plan.lobes.reads_texture(&points[number].shading);
-            if takes_texture { self.plan.records.look_n } else { self.plan.records.look_n_at(stride) }
+        let points = lattice.points();
+        let look = |number: usize| {
+            let records = &self.plan.records;
+            if !records.is_late(stride) || self.plan.lobes.reads_texture(&points[number].shading) {
+                OwnLook { n: records.look_n, is_last: false }
+            } else {
+                OwnLook { n: records.late_n(stride, lattice.share(number)), is_last: true }
+            }
         };
         while !todo.is_empty() {
             let frozen = &*index;
             let answers: Vec<Answer> = todo
                 .par_iter()
-                .map_init(Buffers::default, |buffers, &number| {
-                    self.ask(frozen, &points[number], look_n(number), buffers)
-                })
+                .map_init(Buffers::default, |buffers, &number| self.ask(frozen, &points[number], look(number), buffers))
                 .collect();
             let mut missing = Vec::new();
             for (&number, answer) in todo.iter().zip(answers) {
@@ -192,7 +205,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let batch = missing.len().min((missing.len() / BATCH_SHARE).max(MIN_BATCH));
             let made: Vec<(Option<Record>, Look, RayCounts)> = missing[..batch]
                 .par_iter()
-                .map_init(Vec::new, |weights, &number| self.make_record(&points[number], look_n(number), weights))
+                .map_init(Vec::new, |weights, &number| self.make_record(&points[number], look(number).n, weights))
                 .collect();
             for (&number, (record, look, rays)) in missing.iter().zip(made) {
                 index.extend(record);
@@ -206,32 +219,35 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         looks
     }
 
-    /// Asks the cache for a point, whose look of its own has `look_n x look_n` texels.
-    fn ask(&self, index: &Index, point: &SurfacePoint, look_n: usize, buffers: &mut Buffers) -> Answer {
+    /// Asks the cache for a point.
+    fn ask(&self, index: &Index, point: &SurfacePoint, own: OwnLook, buffers: &mut Buffers) -> Answer {
         let surface = &point.shading.surface;
         let mut tracer =
             PointTracer { gatherer: &self.gatherer, surface: *surface, key: point.key, rays: RayCounts::default() };
+        let look = |mut rays: RayCounts| {
+            let (_, _, look) = self.look_for_itself(point, own.n, &mut Vec::new(), &mut rays);
+            self.tell(point, || Step::Gathered { resolution: own.n, record: None });
+            Answer::Looked(look, rays)
+        };
+        let miss = |rays: RayCounts| if own.is_last { look(rays) } else { Answer::Missing(rays) };
         let Some(found) = index.best(surface.p, surface.n) else {
             self.tell(point, || Step::NoRecord);
-            return Answer::Missing(tracer.rays);
+            return miss(tracer.rays);
         };
         let record = index.record(found.record);
         let Buffers { workspace, weights, samples } = buffers;
         let shares = workspace.project_above(record, surface.p, surface.n, surface.ng, &self.plan.records.reproject);
         let takes_texture = self.plan.lobes.reads_texture(&point.shading);
-        let hole_step = self.hole_step(shares.holes, workspace.resolution(), look_n);
+        let hole_step = self.hole_step(shares.holes, workspace.resolution(), own.n);
         if !takes_texture && hole_step.is_none() {
-            let mut rays = RayCounts::default();
-            let (_, _, look) = self.look_for_itself(point, look_n, weights, &mut rays);
-            self.tell(point, || Step::Gathered { resolution: look_n, record: None });
-            return Answer::Looked(look, rays);
+            return look(tracer.rays);
         }
         let seed = self.seed(point);
         let (holds, verdict, second_verdict) = self.verify(workspace, record, seed, &mut tracer);
         if !holds {
             let verdict = second_verdict.unwrap_or(verdict);
             self.tell(point, || Step::Refused { record: RecordFacts::new(record, surface.p), verdict });
-            return Answer::Missing(tracer.rays);
+            return miss(tracer.rays);
         }
         let frame = workspace.frame();
         let step = hole_step.unwrap_or(self.plan.records.hole_step);
