@@ -259,27 +259,40 @@ pub(crate) fn brightness(glints: &[Glint], p: Vec3A, frame: &Frame, n: usize) ->
         let wi = frame.to_local(way.normalize_or(frame.n));
         if wi.z > 0.0 && across > 0.0 {
             let square = (glint.weight * wi.z / (std::f32::consts::PI * across)).min(BRIGHTEST);
-            spread_over(&mut squares, n, hemimap::cosine_hemisphere_to_square(wi), square);
+            add_around(&mut squares, n, hemimap::cosine_hemisphere_to_square(wi), square);
         }
     }
+    blur(&mut squares, n);
     squares.into_iter().map(|square| (square * (n * n) as f32).sqrt()).collect()
 }
 
-/// Adds a number to the texels around a place of the square: those of a bilinear look-up, each blurred over three by
-/// three.
-fn spread_over(texels: &mut [f32], n: usize, place: Vec2, number: f32) {
+/// Adds a number to the texels around a place of the square, as a bilinear look-up weighs them.
+fn add_around(texels: &mut [f32], n: usize, place: Vec2, number: f32) {
     let place = place * n as f32 - 0.5;
-    let first = place.floor();
-    let weights = |f: f32| {
-        let (near, far) = (1.0 - f, f);
-        [0.25 * near, 0.5 * near + 0.25 * far, 0.25 * near + 0.5 * far, 0.25 * far]
-    };
-    let [columns, rows] = (place - first).to_array().map(weights);
+    let (first, far) = (place.floor(), place.fract_gl());
+    let near = 1.0 - far;
     let last = IVec2::splat(i32::try_from(n).expect("at most 64") - 1);
-    for (row, y) in zip(rows, -1..) {
-        for (column, x) in zip(columns, -1..) {
-            let texel = (first.as_ivec2() + IVec2::new(x, y)).clamp(IVec2::ZERO, last).as_uvec2();
-            texels[texel.y as usize * n + texel.x as usize] += column * row * number;
+    for (x, y, weight) in
+        [(0, 0, near.x * near.y), (1, 0, far.x * near.y), (0, 1, near.x * far.y), (1, 1, far.x * far.y)]
+    {
+        let texel = (first.as_ivec2() + IVec2::new(x, y)).clamp(IVec2::ZERO, last).as_uvec2();
+        texels[texel.y as usize * n + texel.x as usize] += weight * number;
+    }
+}
+
+/// Spreads what rows of `n` texels hold over three by three of them; what would leave the square stays at its border.
+fn blur(texels: &mut [f32], n: usize) {
+    let of_three = |before: f32, at: f32, after: f32| 0.25 * (before + after) + 0.5 * at;
+    let mut columns = texels.to_vec();
+    for row in 0..n {
+        let [before, at, after] = [row.saturating_sub(1), row, (row + 1).min(n - 1)].map(|row| &texels[row * n..][..n]);
+        for (blurred, ((before, at), after)) in zip(&mut columns[row * n..], zip(zip(before, at), after)) {
+            *blurred = of_three(*before, *at, *after);
+        }
+    }
+    for (row, blurred) in zip(columns.chunks_exact(n), texels.chunks_exact_mut(n)) {
+        for (column, blurred) in blurred.iter_mut().enumerate() {
+            *blurred = of_three(row[column.saturating_sub(1)], row[column], row[(column + 1).min(n - 1)]);
         }
     }
 }
