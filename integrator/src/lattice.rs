@@ -41,6 +41,10 @@ impl Lattice {
         &self.points
     }
 
+    pub(crate) fn pixel_count(&self) -> usize {
+        self.width * self.height
+    }
+
     /// The points of the pixels on the lattice of this stride that have no value yet, in order.
     pub(crate) fn level(&self, stride: usize, values: &[Option<Incident>]) -> Vec<usize> {
         let mut level = Vec::new();

@@ -9,7 +9,7 @@ use crate::{Method, Settings};
 /// What gathers and their records take.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RecordPlan {
-    /// Resolution of a gather that becomes a record, and of one that does not, see [`Self::late_n`].
+    /// Resolution of a gather that becomes a record, and of one that does not, see [`Self::look_n_for`].
     pub(crate) n: usize,
     pub(crate) look_n: usize,
     /// Side of a square picture of as many pixels.
@@ -56,10 +56,13 @@ const MIN_PIXELS: f32 = 1.0;
 /// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a
 /// gather has missed come between, and a record far out on a wide floor has no texel for the bodies of a close-up.
 const MAX_SHARE: f32 = 0.25;
-/// Texels along a side of a look, for each of one that serves others, from points of the lattices of strides 1 and 2.
-const LATE: [f32; 2] = [2.0 / 3.0, 5.0 / 6.0];
-/// And the same there for points of less than a quarter of their pixel, of less than half of it, and of more.
-const THIN: [f32; 3] = [0.5, 0.7, 1.0];
+/// Texels along a side of looks, for each of a full one.
+const LOOK_STEPS: [f32; 5] = [1.0, 5.0 / 6.0, 2.0 / 3.0, 0.5, 1.0 / 3.0];
+/// So many points that look at once, for each pixel of the picture, take full looks; more of them share the rays of so
+/// many.
+const CROWD: f32 = 0.015;
+/// Points of this lattice and finer ones are asked late.
+const LATEST_STRIDE: usize = 2;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
 const TOUCHING_SHARE: f32 = 1e-5;
 
@@ -73,7 +76,7 @@ impl RecordPlan {
         // look is cheap, as it is not with the rim of a sky in it. Without sky and textures reprojection takes no less
         // time than the rays of a look, so that only points close to a record ask it.
         let (record_n, look_n, spacing) = match (features.environment, has_textures) {
-            (true, _) => (48.0, 24.0, 0.15),
+            (true, _) => (48.0, 24.0, 0.12),
             (false, true) => (40.0, 20.0, 0.2),
             (false, false) => (32.0, 20.0, 0.03),
         };
@@ -128,28 +131,37 @@ impl RecordPlan {
 
     /// Whether points of the lattice of this stride are asked so late that they serve few others: those that have no
     /// record by then lie in reliefs, corners and leaves.
-    pub(crate) fn is_late(&self, stride: usize) -> bool {
-        stride <= LATE.len() && self.look_n < self.n
+    pub(crate) fn is_late(stride: usize) -> bool {
+        stride <= LATEST_STRIDE
     }
 
-    /// Resolution of the look of such a point that has this share of its pixel.
-    pub(crate) fn late_n(&self, stride: usize, share: f32) -> usize {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share between 0 and 1")]
-        let quarters = (share * 4.0) as usize;
-        self.look_n_by(LATE[stride - 1], THIN[quarters.min(THIN.len() - 1)])
+    /// The share of the rays of a full look that each of so many points takes that are asked at once in a picture of so
+    /// many pixels.
+    pub(crate) fn crowd_rays(points: usize, pixels: usize) -> f32 {
+        (CROWD * pixels as f32 / points.max(1) as f32).min(1.0)
+    }
+
+    /// The same of a late point that has this share of its pixel.
+    pub(crate) fn thin_rays(share: f32) -> f32 {
+        (2.0 * share).clamp(0.25, 1.0)
+    }
+
+    /// Resolution of the coarsest look that takes at least this share of the rays of a full one.
+    pub(crate) fn look_n_for(&self, rays: f32) -> usize {
+        let step = LOOK_STEPS.iter().rposition(|step| step * step >= rays).unwrap_or(0);
+        self.look_n_at(LOOK_STEPS[step])
     }
 
     /// The resolutions of all gathers of which records are made.
     pub(crate) fn resolutions(&self) -> Vec<usize> {
-        let late = LATE.into_iter().flat_map(|late| THIN.map(|thin| self.look_n_by(late, thin)));
-        let mut resolutions: Vec<usize> = late.chain([self.n, self.look_n]).collect();
-        resolutions.sort_unstable();
+        let mut resolutions = vec![self.n];
+        resolutions.extend(LOOK_STEPS.map(|step| self.look_n_at(step)));
         resolutions.dedup();
         resolutions
     }
 
-    fn look_n_by(&self, late: f32, thin: f32) -> usize {
-        round(self.look_n as f32 * late * thin, 1.0, 64.0) as usize
+    fn look_n_at(&self, step: f32) -> usize {
+        round(self.look_n as f32 * step, 1.0, 64.0) as usize
     }
 
     /// The width of the whole picture where a pixel is `footprint` metres wide at the surface.
@@ -181,23 +193,34 @@ mod tests {
     use scene::Description;
 
     #[test]
-    fn points_that_serve_few_look_with_fewer_rays() {
+    fn crowds_share_their_rays() {
+        assert_eq!(RecordPlan::crowd_rays(0, 10_000), 1.0);
+        assert_eq!(RecordPlan::crowd_rays(100, 10_000), 1.0, "a hundredth of the picture");
+        for points in [1000, 10_000] {
+            let rays = RecordPlan::crowd_rays(points, 10_000) * points as f32;
+            assert!((rays - 150.0).abs() < 0.1, "{points} points take as many rays as {rays} full looks");
+        }
+    }
+
+    #[test]
+    fn looks_take_about_the_rays_that_they_are_to() {
         let scene = Scene::new(Description::default()).unwrap();
         let plan = RecordPlan::new(&scene, &Settings::default());
-        assert!(plan.is_late(1) && plan.is_late(2) && !plan.is_late(4));
-        let mut resolutions = Vec::new();
-        for stride in [1, 2] {
-            // Of a point that is nothing, of slivers, of a half and of all of a pixel.
-            resolutions.extend([0.0, 0.2, 0.3, 0.5, 1.0].map(|share| plan.late_n(stride, share)));
+        let full = (plan.look_n * plan.look_n) as f32;
+        for rays in [1.0, 0.9, 0.6, 0.3, 0.2, 0.12] {
+            let n = plan.look_n_for(rays);
+            let share = (n * n) as f32 / full;
+            assert!((0.95 * rays..2.1 * rays).contains(&share), "{share} of the rays instead of {rays}");
+            assert!(plan.resolutions().contains(&n));
         }
-        let n = plan.look_n as f32;
-        let shares: Vec<f32> = resolutions.iter().map(|&late_n| (late_n as f32 / n).powi(2)).collect();
-        for (share, expected) in shares.iter().zip([0.11, 0.11, 0.22, 0.44, 0.44, 0.17, 0.17, 0.34, 0.69, 0.69]) {
-            assert!((share - expected).abs() < 0.05, "{shares:?} of the rays of a look");
-        }
-        resolutions.extend([plan.n, plan.look_n]);
-        assert!(resolutions.iter().all(|n| plan.resolutions().contains(n)), "{resolutions:?}");
-        let even = RecordPlan::new(&scene, &Settings { method: Method::CacheOnly, ..Settings::default() });
-        assert!(!even.is_late(1), "without records of radiance, looks are all that there is");
+        assert_eq!(plan.look_n_for(1.0), plan.look_n);
+        assert_eq!(plan.look_n_for(0.0), plan.look_n_for(0.1), "no look has fewer than a ninth");
+        assert!(plan.resolutions().contains(&plan.n));
+    }
+
+    #[test]
+    fn slivers_take_fewer_rays() {
+        assert_eq!([0.0, 0.1, 0.25, 0.5, 1.0].map(RecordPlan::thin_rays), [0.25, 0.25, 0.5, 1.0, 1.0]);
+        assert_eq!([1, 2, 4, 64].map(RecordPlan::is_late), [true, true, false, false]);
     }
 }

@@ -19,7 +19,7 @@ use crate::explain::{RecordFacts, Step, Witness};
 use crate::gather::{Gatherer, PointTracer};
 use crate::irradiance_cache::{self, Recorder};
 use crate::lattice::Lattice;
-use crate::plan::Plan;
+use crate::plan::{Plan, RecordPlan};
 use crate::rungs::Rung;
 use crate::sampler::{hash, hash_pair};
 use crate::secondary::Secondary;
@@ -123,27 +123,45 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     pub(crate) fn gather_all(&self, points: &[SurfacePoint], counts: &mut Counts) -> Vec<Incident> {
         let mut values = vec![Incident::default(); points.len()];
         let todo = (0..points.len()).filter(|&number| self.asks(&points[number])).collect();
-        for (number, look) in self.gather(points, todo, counts) {
+        let RecordPlan { n, look_n, .. } = self.plan.records;
+        // A lobe is seen by its own point alone.
+        let reads_texture = |number: usize| self.plan.lobes.reads_texture(&points[number].shading);
+        let resolution = |number| if reads_texture(number) { look_n } else { n };
+        for (number, look) in self.gather(points, todo, resolution, counts) {
             values[number] = look.incident;
         }
         values
     }
 
-    /// Gathers at the points `todo`.
-    pub(crate) fn gather(&self, points: &[SurfacePoint], todo: Vec<usize>, counts: &mut Counts) -> Vec<(usize, Look)> {
+    /// Gathers at the points `todo`, which a lattice of this `stride` asks.
+    pub(crate) fn look(
+        &self,
+        lattice: &Lattice,
+        todo: Vec<usize>,
+        stride: usize,
+        counts: &mut Counts,
+    ) -> Vec<(usize, Look)> {
+        let crowd_rays = RecordPlan::crowd_rays(todo.len(), lattice.pixel_count());
+        let resolution = |number| self.own_look(lattice, number, stride, crowd_rays).n;
+        self.gather(lattice.points(), todo, resolution, counts)
+    }
+
+    /// Gathers at the points `todo`, with the resolution that each has.
+    fn gather(
+        &self,
+        points: &[SurfacePoint],
+        todo: Vec<usize>,
+        resolution: impl Fn(usize) -> usize + Sync,
+        counts: &mut Counts,
+    ) -> Vec<(usize, Look)> {
         counts.gathered += todo.len() as u64;
         map_counting(todo.into_par_iter(), &mut counts.rays, |number, rays| {
             let point = &points[number];
-            // A lobe is seen by its own point alone.
-            let n = if self.plan.lobes.reads_texture(&point.shading) {
-                self.plan.records.look_n
-            } else {
-                self.plan.records.n
-            };
+            let n = resolution(number);
             let frame = Frame::from_normal(point.shading.surface.n);
             let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, rays);
             self.tell(point, || Step::Gathered { resolution: n, record: None });
-            (number, self.look(&samples, &frame, point, &mut Vec::new()).by(Rung::Gathered))
+            (number, self.look_by(&samples, &frame, point, &mut Vec::new()).by(Rung::Gathered))
         })
     }
 
@@ -164,14 +182,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     ) -> Vec<(usize, Look)> {
         let mut looks = Vec::with_capacity(todo.len());
         let points = lattice.points();
-        let look = |number: usize| {
-            let records = &self.plan.records;
-            if !records.is_late(stride) || self.plan.lobes.reads_texture(&points[number].shading) {
-                OwnLook { n: records.look_n, is_last: false }
-            } else {
-                OwnLook { n: records.late_n(stride, lattice.share(number)), is_last: true }
-            }
-        };
+        let crowd_rays = RecordPlan::crowd_rays(todo.len(), lattice.pixel_count());
+        let look = |number| self.own_look(lattice, number, stride, crowd_rays);
         while !todo.is_empty() {
             let frozen = &*index;
             let answers: Vec<Answer> = todo
@@ -217,6 +229,18 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             todo.sort_unstable();
         }
         looks
+    }
+
+    /// How a point that a lattice of this `stride` asks looks for itself, if each of those that are asked at once may
+    /// take this share of the rays of a full look.
+    fn own_look(&self, lattice: &Lattice, number: usize, stride: usize, crowd_rays: f32) -> OwnLook {
+        let records = &self.plan.records;
+        if self.plan.lobes.reads_texture(&lattice.points()[number].shading) {
+            return OwnLook { n: records.look_n, is_last: false };
+        }
+        let is_last = RecordPlan::is_late(stride);
+        let thin_rays = if is_last { RecordPlan::thin_rays(lattice.share(number)) } else { 1.0 };
+        OwnLook { n: records.look_n_for(crowd_rays * thin_rays), is_last }
     }
 
     /// Asks the cache for a point.
@@ -334,7 +358,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return (None, look, rays);
         }
         let samples = self.gatherer.gather(surface, &frame, self.plan.records.n, point.key, &mut rays);
-        let look = self.look(&samples, &frame, point, weights);
+        let look = self.look_by(&samples, &frame, point, weights);
         // More rays may have met what is so near that the record would serve nobody.
         let record = (validity.radius(&samples) > 0.0)
             .then(|| Record::new(surface.p, frame, samples, &self.plan.records.record, &validity));
@@ -362,12 +386,12 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let samples = self.gatherer.gather(surface, &frame, look_n, hash(point.key), rays);
-        let look = self.look(&samples, &frame, point, weights);
+        let look = self.look_by(&samples, &frame, point, weights);
         (samples, frame, look)
     }
 
     /// What a point has of samples of its own.
-    fn look(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Look {
+    fn look_by(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Look {
         let mean = samples.mean_radiance_by_distance();
         let [near, sky] = mean;
         let mut incident = Incident { near, sky, ..Incident::default() };
