@@ -22,8 +22,8 @@ fn settings(method: Method) -> Settings {
     // Few photons in the place of cells, as a picture is made for each of its pixels; and records that reach over
     // several of these.
     let secondary = Some(SecondaryKind::Photons);
-    let study = Study { secondary, photons: Some(2000), spacing: Some(0.8), ..Study::default() };
-    Settings { method, quality: 0.05, size: UVec2::new(10, 7), study, ..Settings::default() }
+    let study = Study { secondary, photons: Some(500), spacing: Some(0.8), ..Study::default() };
+    Settings { method, quality: 0.05, size: UVec2::new(14, 9), study, ..Settings::default() }
 }
 
 fn all(scene: &Scene, settings: &Settings) -> Vec<Explanation> {
@@ -146,10 +146,10 @@ fn the_path_tracer_has_terms_and_no_points_and_other_pixels_are_refused() {
     let told = explain(&scene, &settings, UVec2::new(3, 4), &|_| ()).unwrap();
     assert_eq!(told.points, [], "none");
     assert!(told.terms.sum().min_element() > 0.0, "but light: {told:?}");
-    let pixel = UVec2::new(10, 0);
+    let pixel = UVec2::new(14, 0);
     let refused = explain(&scene, &settings, pixel, &|_| ()).unwrap_err();
     assert_eq!(refused, SettingsError::Pixel { pixel, size: settings.size }, "a column too far");
-    assert!(refused.to_string().contains("10 x 7"), "{refused}");
+    assert!(refused.to_string().contains("14 x 9"), "{refused}");
     assert_eq!(estimate_pixel(&scene, &settings, pixel, &|_| ()).unwrap_err(), refused, "nor is it estimated");
 }
 

@@ -58,9 +58,10 @@ const MIN_PIXELS: f32 = 1.0;
 const MAX_SHARE: f32 = 0.25;
 /// Texels along a side of looks, for each of a full one.
 const LOOK_STEPS: [f32; 5] = [1.0, 5.0 / 6.0, 2.0 / 3.0, 0.5, 1.0 / 3.0];
-/// So many points that look at once, for each pixel of the picture, take full looks; more of them share the rays of so
-/// many.
+/// So many points that look at once, for each pixel of the picture, take full looks, and so many in any picture; more of
+/// them share the rays of so many.
 const CROWD: f32 = 0.015;
+const SMALL_CROWD: f32 = 1000.0;
 /// Points of this lattice and finer ones are asked late.
 const LATEST_STRIDE: usize = 2;
 /// Hits nearer than this share of the scene mean that a point lies in a seam.
@@ -138,7 +139,7 @@ impl RecordPlan {
     /// The share of the rays of a full look that each of so many points takes that are asked at once in a picture of so
     /// many pixels.
     pub(crate) fn crowd_rays(points: usize, pixels: usize) -> f32 {
-        (CROWD * pixels as f32 / points.max(1) as f32).min(1.0)
+        ((CROWD * pixels as f32).max(SMALL_CROWD) / points.max(1) as f32).min(1.0)
     }
 
     /// The same of a late point that has this share of its pixel.
@@ -194,11 +195,12 @@ mod tests {
 
     #[test]
     fn crowds_share_their_rays() {
-        assert_eq!(RecordPlan::crowd_rays(0, 10_000), 1.0);
-        assert_eq!(RecordPlan::crowd_rays(100, 10_000), 1.0, "a hundredth of the picture");
-        for points in [1000, 10_000] {
-            let rays = RecordPlan::crowd_rays(points, 10_000) * points as f32;
-            assert!((rays - 150.0).abs() < 0.1, "{points} points take as many rays as {rays} full looks");
+        assert_eq!(RecordPlan::crowd_rays(0, 1_000_000), 1.0);
+        assert_eq!(RecordPlan::crowd_rays(10_000, 1_000_000), 1.0, "a hundredth of the picture");
+        assert_eq!(RecordPlan::crowd_rays(1000, 1000), 1.0, "all of a small one");
+        for points in [100_000, 1_000_000] {
+            let rays = RecordPlan::crowd_rays(points, 1_000_000) * points as f32;
+            assert!((rays - 15_000.0).abs() < 10.0, "{points} points take as many rays as {rays} full looks");
         }
     }
 
