@@ -4,7 +4,7 @@ use radcache::Samples;
 
 use crate::allocation::neighbours;
 
-/// Most further rays that rims, and glints, take for each ray of a look.
+/// Most further rays that rims take for each ray of a look, and that glints do; edges are few.
 const MOST_RAYS: f32 = 2.0;
 /// Most parts along a side of a texel at the rim of the sky.
 const RIM_SIDE: u32 = 3;

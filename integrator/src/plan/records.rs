@@ -58,8 +58,8 @@ const MIN_PIXELS: f32 = 1.0;
 const MAX_SHARE: f32 = 0.25;
 /// Texels along a side of looks, for each of a full one.
 const LOOK_STEPS: [f32; 5] = [1.0, 5.0 / 6.0, 2.0 / 3.0, 0.5, 1.0 / 3.0];
-/// So many points that look at once, for each pixel of the picture, take full looks, and so many in any picture; more of
-/// them share the rays of so many.
+/// So many late points that ask at once, for each pixel of the picture, take full looks, and so many in any picture; more
+/// of them share the rays of so many.
 const CROWD: f32 = 0.015;
 const SMALL_CROWD: f32 = 1000.0;
 /// Points of this lattice and finer ones are asked late.
@@ -95,7 +95,7 @@ impl RecordPlan {
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
         Self {
             n: n as usize,
-            look_n: look_n.min(n) as usize,
+            look_n: if *method == Method::CacheOnly { n } else { look_n.min(n) } as usize,
             side: (settings.size.element_product() as f32).sqrt(),
             scene_size: 2.0 * scene.bounds().radius(),
             record: RecordSettings {
@@ -136,10 +136,11 @@ impl RecordPlan {
         stride <= LATEST_STRIDE
     }
 
-    /// The share of the rays of a full look that each of so many points takes that are asked at once in a picture of so
-    /// many pixels.
-    pub(crate) fn crowd_rays(points: usize, pixels: usize) -> f32 {
-        ((CROWD * pixels as f32).max(SMALL_CROWD) / points.max(1) as f32).min(1.0)
+    /// The share of the rays of a full look that each of so many late points takes that ask at once, in a band of the
+    /// picture that has so many of its pixels.
+    pub(crate) fn crowd_rays(points: usize, band: usize, picture: u32) -> f32 {
+        let full = (CROWD * picture as f32).max(SMALL_CROWD) * band as f32 / picture as f32;
+        (full / points.max(1) as f32).min(1.0)
     }
 
     /// The same of a late point that has this share of its pixel.
@@ -147,7 +148,7 @@ impl RecordPlan {
         (2.0 * share).clamp(0.25, 1.0)
     }
 
-    /// Resolution of the coarsest look that takes at least this share of the rays of a full one.
+    /// Resolution of the coarsest look that takes about this share of the rays of a full one, or more.
     pub(crate) fn look_n_for(&self, rays: f32) -> usize {
         let step = LOOK_STEPS.iter().rposition(|step| step * step >= rays).unwrap_or(0);
         self.look_n_at(LOOK_STEPS[step])
@@ -195,12 +196,15 @@ mod tests {
 
     #[test]
     fn crowds_share_their_rays() {
-        assert_eq!(RecordPlan::crowd_rays(0, 1_000_000), 1.0);
-        assert_eq!(RecordPlan::crowd_rays(10_000, 1_000_000), 1.0, "a hundredth of the picture");
-        assert_eq!(RecordPlan::crowd_rays(1000, 1000), 1.0, "all of a small one");
+        let of_whole = |points, pixels: u32| RecordPlan::crowd_rays(points, pixels as usize, pixels);
+        assert_eq!(of_whole(0, 1_000_000), 1.0);
+        assert_eq!(of_whole(10_000, 1_000_000), 1.0, "a hundredth of the picture");
+        assert_eq!(of_whole(1000, 1000), 1.0, "all of a small one");
         for points in [100_000, 1_000_000] {
-            let rays = RecordPlan::crowd_rays(points, 1_000_000) * points as f32;
+            let rays = of_whole(points, 1_000_000) * points as f32;
             assert!((rays - 15_000.0).abs() < 10.0, "{points} points take as many rays as {rays} full looks");
+            let of_band = RecordPlan::crowd_rays(points / 100, 10_000, 1_000_000);
+            assert_eq!(of_band, of_whole(points, 1_000_000), "a band is like the whole");
         }
     }
 

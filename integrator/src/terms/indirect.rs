@@ -2,8 +2,9 @@
 //! carry: from the cache of records, or gathered at every point.
 //!
 //! A point that looks for itself has a record of radiance reprojected to it; one that no record serves, or whose
-//! verification rays disagree with what they meet, gathers, and becomes a record of radiance itself. Records are made
-//! in batches of fixed order and frozen while they are read, so the result does not depend on the number of threads.
+//! verification rays disagree with what they meet, gathers, and becomes a record of radiance itself where that may serve
+//! others. Records are made in batches of fixed order and frozen while they are read, so the result does not depend on
+//! the number of threads.
 //!
 //! Diffuse points need not all look for themselves: what one sees, by reprojection or by a gather, makes it a record of
 //! irradiance with derivatives, and those around it take their light from that ([`irradiance_cache`]).
@@ -90,7 +91,7 @@ const BATCH_SHARE: usize = 4;
 enum Answer {
     /// A record served it.
     Served(Look, Shares, RayCounts),
-    /// It looked for itself, as that took fewer rays than a record left to it.
+    /// It looked for itself: that took fewer rays than a record left to it, or it was asked so late that none is made.
     Looked(Look, RayCounts),
     /// It must become a record.
     Missing(RayCounts),
@@ -141,7 +142,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         stride: usize,
         counts: &mut Counts,
     ) -> Vec<(usize, Look)> {
-        let crowd_rays = RecordPlan::crowd_rays(todo.len(), lattice.pixel_count());
+        let crowd_rays = self.crowd_rays(lattice, todo.len());
         let resolution = |number| self.own_look(lattice, number, stride, crowd_rays).n;
         self.gather(lattice.points(), todo, resolution, counts)
     }
@@ -182,7 +183,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     ) -> Vec<(usize, Look)> {
         let mut looks = Vec::with_capacity(todo.len());
         let points = lattice.points();
-        let crowd_rays = RecordPlan::crowd_rays(todo.len(), lattice.pixel_count());
+        let crowd_rays = self.crowd_rays(lattice, todo.len());
         let look = |number| self.own_look(lattice, number, stride, crowd_rays);
         while !todo.is_empty() {
             let frozen = &*index;
@@ -231,16 +232,20 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         looks
     }
 
-    /// How a point that a lattice of this `stride` asks looks for itself, if each of those that are asked at once may
-    /// take this share of the rays of a full look.
+    /// [`RecordPlan::crowd_rays`] of so many points of a band.
+    fn crowd_rays(&self, lattice: &Lattice, points: usize) -> f32 {
+        RecordPlan::crowd_rays(points, lattice.pixel_count(), self.size.element_product())
+    }
+
+    /// How a point that a lattice of this `stride` asks looks for itself, if each of those that ask at once may take this
+    /// share of the rays of a full look.
     fn own_look(&self, lattice: &Lattice, number: usize, stride: usize, crowd_rays: f32) -> OwnLook {
         let records = &self.plan.records;
-        if self.plan.lobes.reads_texture(&lattice.points()[number].shading) {
+        if !RecordPlan::is_late(stride) || self.plan.lobes.reads_texture(&lattice.points()[number].shading) {
             return OwnLook { n: records.look_n, is_last: false };
         }
-        let is_last = RecordPlan::is_late(stride);
-        let thin_rays = if is_last { RecordPlan::thin_rays(lattice.share(number)) } else { 1.0 };
-        OwnLook { n: records.look_n_for(crowd_rays * thin_rays), is_last }
+        let rays = crowd_rays * RecordPlan::thin_rays(lattice.share(number));
+        OwnLook { n: records.look_n_for(rays), is_last: true }
     }
 
     /// Asks the cache for a point.
