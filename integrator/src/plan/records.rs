@@ -204,7 +204,7 @@ mod tests {
             let rays = of_whole(points, 1_000_000) * points as f32;
             assert!((rays - 15_000.0).abs() < 10.0, "{points} points take as many rays as {rays} full looks");
             let of_band = RecordPlan::crowd_rays(points / 100, 10_000, 1_000_000);
-            assert_eq!(of_band, of_whole(points, 1_000_000), "a band is like the whole");
+            assert!((of_band - of_whole(points, 1_000_000)).abs() < 1e-6, "a band is like the whole: {of_band}");
         }
     }
 
