@@ -35,7 +35,9 @@ impl Plan {
         let secondary = settings.study.secondary.unwrap_or_default();
         let records = RecordPlan::new(scene, settings);
         // Links that end in a window, or at a lamp by way of gloss, are few and bright.
-        let links = if features.glossy || features.environment { 500_000.0 } else { 250_000.0 };
+        let links = if features.glossy || features.environment { 800_000.0 } else { 400_000.0 };
+        // What few of them leave to chance, all points around a cell have in common.
+        let links = links * quality.powf(if quality < 1.0 { 0.5 } else { 0.75 });
         let has_cells = features.diffuse && secondary == SecondaryKind::Cells;
         Self {
             secondary,
@@ -43,7 +45,7 @@ impl Plan {
             lobes: LobePlan::new(scene, settings, records.n),
             records,
             photons: PhotonPlan::new(scene, settings, secondary),
-            cell_rays: if has_cells { round(links * quality.powf(0.75), 50_000.0, 50_000_000.0) } else { 0 },
+            cell_rays: if has_cells { round(links, 100_000.0, 50_000_000.0) } else { 0 },
             probe_rays: round(24.0 * quality.sqrt(), 8.0, 96.0),
         }
     }
