@@ -87,7 +87,7 @@ pub(crate) fn render<S: Secondary>(
         let values = statistics.time("indirect", |_| match settings.method {
             Method::Gather => indirect.gather_all(lattice.points(), &mut counts),
             Method::CacheOnly => {
-                let ask = |todo, stride, counts: &mut Counts| indirect.look(&lattice, todo, stride, counts);
+                let ask = |todo, stride, counts: &mut Counts| indirect.gather_level(&lattice, todo, stride, counts);
                 irradiance_cache::fill(&indirect, &lattice, &mut irradiance, &mut counts, ask)
             }
             Method::Reproject | Method::Path => {

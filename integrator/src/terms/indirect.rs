@@ -135,7 +135,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     }
 
     /// Gathers at the points `todo`, which a lattice of this `stride` asks.
-    pub(crate) fn look(
+    pub(crate) fn gather_level(
         &self,
         lattice: &Lattice,
         todo: Vec<usize>,
@@ -162,7 +162,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let frame = Frame::from_normal(point.shading.surface.n);
             let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, rays);
             self.tell(point, || Step::Gathered { resolution: n, record: None });
-            (number, self.look_by(&samples, &frame, point, &mut Vec::new()).by(Rung::Gathered))
+            (number, self.look_of(&samples, &frame, point, &mut Vec::new()).by(Rung::Gathered))
         })
     }
 
@@ -363,7 +363,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             return (None, look, rays);
         }
         let samples = self.gatherer.gather(surface, &frame, self.plan.records.n, point.key, &mut rays);
-        let look = self.look_by(&samples, &frame, point, weights);
+        let look = self.look_of(&samples, &frame, point, weights);
         // More rays may have met what is so near that the record would serve nobody.
         let record = (validity.radius(&samples) > 0.0)
             .then(|| Record::new(surface.p, frame, samples, &self.plan.records.record, &validity));
@@ -391,12 +391,12 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         let surface = &point.shading.surface;
         let frame = Frame::from_normal(surface.n);
         let samples = self.gatherer.gather(surface, &frame, look_n, hash(point.key), rays);
-        let look = self.look_by(&samples, &frame, point, weights);
+        let look = self.look_of(&samples, &frame, point, weights);
         (samples, frame, look)
     }
 
     /// What a point has of samples of its own.
-    fn look_by(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Look {
+    fn look_of(&self, samples: &Samples, frame: &Frame, point: &SurfacePoint, weights: &mut Vec<Vec3>) -> Look {
         let mean = samples.mean_radiance_by_distance();
         let [near, sky] = mean;
         let mut incident = Incident { near, sky, ..Incident::default() };
