@@ -220,7 +220,9 @@ fn ambient<S: Secondary>(pixels: &[PixelPoints], secondary: &S) -> f32 {
 
 /// Takes the points out of their pixels, so that they are not held twice.
 fn take_points(pixels: &mut [PixelPoints]) -> Vec<SurfacePoint> {
-    pixels.iter_mut().flat_map(|pixel| std::mem::take(&mut pixel.points)).collect()
+    let mut points = Vec::with_capacity(pixels.iter().map(|pixel| pixel.points.len()).sum());
+    points.extend(pixels.iter_mut().flat_map(|pixel| std::mem::take(&mut pixel.points)));
+    points
 }
 
 /// Adds what the cache knows of each surface point, and its caustic, to the light of its pixel.

@@ -127,6 +127,10 @@ impl SurfacePoint {
         if same.is_some() {
             points[number].join(&self);
         } else {
+            if points.is_empty() {
+                // Most pixels show one surface; four places, the least that a list grows by, are half of all memory.
+                points.reserve_exact(1);
+            }
             points.push(self);
         }
         &mut points[number]
