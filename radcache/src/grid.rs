@@ -6,10 +6,10 @@ use glam::{IVec3, Vec3A};
 
 /// Numbered balls in space, such as what records of radiance or irradiance reach.
 ///
-/// A ball of radius r is entered at the level whose cells are at least 2 r wide, in the up to eight cells that it
-/// touches, so a search looks at one cell a level: with radii spread over a factor of 1000 that is ten look-ups at
-/// most. Balls are found in the order in which they were entered, level by level, so the answer depends on the order of
-/// the calls alone.
+/// A ball of radius r is entered at the level whose cells are at least r wide, in the up to 27 cells that it touches, so
+/// a search looks at one cell a level: with radii spread over a factor of 1000 that is eleven look-ups at most. In cells
+/// twice as wide it would look at twice as many balls. Balls are found in the order in which they were entered, level by
+/// level, so the answer depends on the order of the calls alone.
 ///
 /// ```
 /// # use glam::Vec3A;
@@ -81,10 +81,10 @@ impl BallGrid {
 /// Metres beyond which no scene goes.
 const WIDEST: f32 = 1e30;
 
-/// Smallest exponent e with 2^e >= 2 radius.
+/// Smallest exponent e with 2^e >= radius.
 fn level_exponent(radius: f32) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "an f32 exponent")]
-    let exponent = (2.0 * radius).log2().ceil() as i32;
+    let exponent = radius.log2().ceil() as i32;
     exponent
 }
 
