@@ -1,7 +1,7 @@
 //! A metal floor from rough to smooth: error and time, across the roughness from which on a lobe is traced and reads no
 //! texture, as a table in Markdown.
 //!
-//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 13 of them without any; five
+//! `cargo run --release -p benches --example roughness [ALPHA]...`, from rough to smooth, 14 of them without any; five
 //! minutes on two cores, most of them for the references by the path tracer.
 
 use benches::renders::{Runs, processor, render};
@@ -25,7 +25,7 @@ const METHODS: [Method; 2] = [Method::Reproject, Method::Gather];
 /// Narrower lobes are traced by default.
 const CROSSOVER: f32 = 0.5;
 /// Just above and just below it, and what is around.
-const ALPHAS: [f32; 13] = [1.0, 0.7, 0.51, 0.49, 0.3, 0.2, 0.12, 0.09, 0.06, 0.03, 0.01, 0.003, 0.001];
+const ALPHAS: [f32; 14] = [1.0, 0.7, 0.51, 0.49, 0.4, 0.3, 0.2, 0.12, 0.09, 0.06, 0.03, 0.01, 0.003, 0.001];
 
 /// A closed room with a box and a ball on its floor, which is glossy.
 fn scene(alpha: f32) -> Scene {

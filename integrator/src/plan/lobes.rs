@@ -64,6 +64,15 @@ impl LobePlan {
         self.noise > 0.0 && self.traces(shading) && shading.lobe_alpha() >= MIN_ALPHA
     }
 
+    /// How many times the noise of a shared lobe counts: wide ones see so much that is the same that they need few rays
+    /// to have less. In a Cornell box with metal, time times noise is least with 1 to 1.5 at alpha = 0.2 and with 1.5 to
+    /// 4 at 0.4; and so the widest that are traced take about as long as the narrowest that read textures.
+    pub(crate) fn noise_weight(shading: &Shading) -> f32 {
+        /// Lobes that are not wider count once.
+        const NARROW: f32 = 0.2;
+        (shading.lobe_alpha() / NARROW).max(1.0)
+    }
+
     /// How many rays a primary sample traces through its glossy lobe: fewer where the lobe is a small part of the
     /// reflected light, or so narrow that it sees about the same everywhere, and of these a `share` for a sample of
     /// which little comes to the eye; one for the lamps alone where a texture has the rest.
@@ -94,8 +103,22 @@ impl LobePlan {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3A;
+    use scene::Ray;
+
     use super::*;
     use crate::secondary::tests::lamp_over_metal;
+
+    #[test]
+    fn noise_of_wide_lobes_counts_more() {
+        let weight = |alpha| {
+            let scene = lamp_over_metal(alpha);
+            let ray = Ray::new(Vec3A::new(2.0, 1.0, 0.0), Vec3A::NEG_Y);
+            let surface = scene.surface(&ray, &scene.intersect(&ray).expect("the floor"));
+            LobePlan::noise_weight(&Shading::new(&scene, surface, ray.direction))
+        };
+        assert_eq!([0.05, 0.2, 0.4].map(weight), [1.0, 1.0, 2.0]);
+    }
 
     #[test]
     fn low_qualities_bound_what_hopeless_tiles_take() {

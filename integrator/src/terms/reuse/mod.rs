@@ -37,6 +37,7 @@ use self::group::Group;
 use super::direct::{DirectTerm, Light};
 use crate::film::Terms;
 use crate::metrics;
+use crate::plan::LobePlan;
 use crate::sampler::hash_pair;
 use crate::secondary::{Secondary, Shading};
 use crate::statistics::RayCounts;
@@ -59,7 +60,7 @@ struct Tile<'a> {
     /// What the first batch met, by which later ones know what is near: a batch that judged itself would take nothing
     /// to be hidden where it happened to meet nothing near.
     hits: Vec<Vec<Vec3A>>,
-    /// Relative noise of the mean of the first batches, summed over the pixels, by squares.
+    /// Relative noise of the mean of the first batches, summed over the pixels, by squares, as much as it counts.
     noise: f64,
     rays: RayCounts,
     /// Samples that were not finite.
@@ -231,7 +232,8 @@ impl<'a> Tile<'a> {
                     let light = point.lobe_weight * (light.direct + light.specular);
                     f64::from(light.element_sum()) / f64::from(3 * samples)
                 });
-                noise += (first - 0.5 * both).powi(2) / (mean * mean + floor_sq);
+                let weight = f64::from(LobePlan::noise_weight(&point.shading));
+                noise += weight * (first - 0.5 * both).powi(2) / (mean * mean + floor_sq);
             }
         }
         noise
