@@ -6,10 +6,11 @@ use glam::{IVec3, Vec3A};
 
 /// Numbered balls in space, such as what records of radiance or irradiance reach.
 ///
-/// A ball of radius r is entered at the level whose cells are at least r wide, in the up to 27 cells that it touches, so
-/// a search looks at one cell a level: with radii spread over a factor of 1000 that is eleven look-ups at most. In cells
-/// twice as wide it would look at twice as many balls. Balls are found in the order in which they were entered, level by
-/// level, so the answer depends on the order of the calls alone.
+/// A ball of radius r is entered at the level whose cells are at least r wide, in the up to 27 cells that it touches,
+/// so a search looks at one cell a level: with radii spread over a factor of 1000 that is eleven look-ups at most. In
+/// cells twice as wide each ball would stand in a third as many, but a search on a surface would look at twice as many
+/// balls. Balls are found in the order in which they were entered, level by level, so the answer depends on the order
+/// of the calls alone.
 ///
 /// ```
 /// # use glam::Vec3A;
@@ -39,7 +40,7 @@ impl BallGrid {
         if radius <= 0.0 || radius.is_nan() {
             return;
         }
-        let radius = radius.min(WIDEST);
+        let radius = radius.clamp(NARROWEST, WIDEST);
         let exponent = level_exponent(radius);
         let width = cell_width(exponent);
         let cells = self.level(exponent);
@@ -78,8 +79,9 @@ impl BallGrid {
     }
 }
 
-/// Metres beyond which no scene goes.
+/// Metres beyond which no scene goes, and below which nothing is told apart: cells have a width.
 const WIDEST: f32 = 1e30;
+const NARROWEST: f32 = 1e-30;
 
 /// Smallest exponent e with 2^e >= radius.
 fn level_exponent(radius: f32) -> i32 {
@@ -123,5 +125,30 @@ impl std::hash::Hasher for CellHash {
     fn write_i32(&mut self, value: i32) {
         // The golden ratio in 64 bits, as in Fibonacci hashing.
         self.0 = (self.0.rotate_left(21) ^ u64::from(value.cast_unsigned())).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balls_of_all_radii_are_found_where_they_are() {
+        let radii = [f32::from_bits(1), 1e-30, 1e-3, 0.7, 1.0, 5.0, 1e20, f32::INFINITY];
+        for centre in [Vec3A::ZERO, Vec3A::new(1.0 - f32::EPSILON, -3.0, 1e6)] {
+            let mut grid = BallGrid::default();
+            for (number, radius) in (0..).zip(radii) {
+                grid.insert(number, centre, radius);
+            }
+            let mut found: Vec<u32> = grid.near(centre).collect();
+            found.sort_unstable();
+            assert_eq!(found, [0, 1, 2, 3, 4, 5, 6, 7], "around {centre}");
+            for side in [Vec3A::X, Vec3A::NEG_Y, Vec3A::ONE.normalize()] {
+                assert!(grid.near(centre + 4.9 * side).any(|number| number == 5), "off {centre} along {side}");
+            }
+        }
+        let mut grid = BallGrid::default();
+        [0.0, -1.0, f32::NAN].map(|radius| grid.insert(0, Vec3A::ZERO, radius));
+        assert_eq!(grid.near(Vec3A::ZERO).next(), None, "without a radius");
     }
 }

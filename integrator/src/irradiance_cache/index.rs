@@ -16,6 +16,8 @@ pub(crate) struct Index {
     grid: BallGrid,
     /// Wider balls, in which records limit each other; none where they do not.
     neighbours: Option<BallGrid>,
+    /// The radius of each of these, metres.
+    neighbourhoods: Vec<f32>,
 }
 
 /// Records limit those that are nearer than so many times their own reach: as those between do so too, that is enough.
@@ -54,21 +56,23 @@ impl Index {
     /// say.
     fn clamp_to_neighbours(&mut self, record: &mut Record) {
         let Some(neighbours) = &mut self.neighbours else { return };
-        let around = || neighbours.near(record.centre()).map(|number| number as usize);
-        let faces = |other: &Record| other.normal().dot(record.normal()) >= MIN_NORMAL_COS;
         let way = |other: &Record| other.centre().distance(record.centre());
-        let others = around().map(|number| &self.records[number]).filter(|other| faces(other));
+        let faces = |other: &Record| other.normal().dot(record.normal()) >= MIN_NORMAL_COS;
+        // The grid's answer holds some that are farther off, by where its cells lie.
+        let is_neighbour = |number: usize, other: &Record| way(other) <= self.neighbourhoods[number] && faces(other);
+        let near = neighbours.near(record.centre()).map(|number| number as usize);
+        let around: Vec<usize> = near.filter(|&number| is_neighbour(number, &self.records[number])).collect();
+        let others = around.iter().map(|&number| &self.records[number]);
         let limit = others.map(|other| other.least_reach() + way(other)).fold(f32::INFINITY, f32::min);
         let reach = record.least_reach().min(limit);
-        for number in around() {
+        for number in around {
             let other = &mut self.records[number];
-            if faces(other) {
-                other.clamp_reach(reach + way(other));
-                self.balls[number].reach_sq = other.reach() * other.reach();
-            }
+            other.clamp_reach(reach + way(other));
+            self.balls[number].reach_sq = other.reach() * other.reach();
         }
         let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
         neighbours.insert(number, record.centre(), NEIGHBOURHOOD * reach);
+        self.neighbourhoods.push(NEIGHBOURHOOD * reach);
         record.clamp_reach(limit);
     }
 
@@ -140,6 +144,7 @@ impl Index {
         self.grid.memory_bytes()
             + self.neighbours.as_ref().map_or(0, BallGrid::memory_bytes)
             + self.balls.len() * size_of::<Ball>()
+            + self.neighbourhoods.len() * size_of::<f32>()
             + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 

@@ -13,8 +13,8 @@ pub(crate) struct LobePlan {
     texture_alpha: f32,
     /// Most rays that are traced through a lobe for a primary sample, where neighbours do not share them.
     most_rays: u32,
-    /// Mean square of the relative error that is wanted of lobes whose samples are shared by neighbours; 0 where none
-    /// are.
+    /// Mean square of the relative error that is wanted of lobes whose samples are shared by neighbours, of wide ones
+    /// less, see [`Self::noise_weight`]; 0 where none are.
     pub(crate) noise: f32,
     /// Most batches of their samples that a tile of the picture takes; a power of two.
     pub(crate) batches: u32,
@@ -64,9 +64,9 @@ impl LobePlan {
         self.noise > 0.0 && self.traces(shading) && shading.lobe_alpha() >= MIN_ALPHA
     }
 
-    /// How many times the noise of a shared lobe counts: wide ones see so much that is the same that they need few rays
-    /// to have less. In a Cornell box with metal, time times noise is least with 1 to 1.5 at alpha = 0.2 and with 1.5 to
-    /// 4 at 0.4; and so the widest that are traced take about as long as the narrowest that read textures.
+    /// How many times the noise of a shared lobe counts: wide ones see so much that is the same that a few more rays
+    /// take much of it away. In a Cornell box with metal, time times noise is least with 1 to 1.5 at alpha = 0.2 and
+    /// with 1.5 to 4 at 0.4; and so the widest that are traced take about as long as the narrowest that read textures.
     pub(crate) fn noise_weight(shading: &Shading) -> f32 {
         /// Lobes that are not wider count once.
         const NARROW: f32 = 0.2;

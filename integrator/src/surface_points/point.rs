@@ -128,7 +128,8 @@ impl SurfacePoint {
             points[number].join(&self);
         } else {
             if points.is_empty() {
-                // Most pixels show one surface; four places, the least that a list grows by, are half of all memory.
+                // Most pixels show one surface. A list that grows by itself starts with four places, which would be
+                // half of all memory.
                 points.reserve_exact(1);
             }
             points.push(self);

@@ -22,8 +22,8 @@ pub(crate) struct LobeAllocation {
 
 impl LobeAllocation {
     /// Decides by the first batches on `pixels`, which come in blocks of so many rows of `width` pixels, a whole
-    /// picture or parts from all over it: the mean noise is to be what the plan wants. `None` where no lobes are
-    /// shared. The indirect light has about the radiance `ambient`.
+    /// picture or parts from all over it: the mean noise, as much as it counts (see [`LobePlan::noise_weight`]), is to
+    /// be what the plan wants. `None` where no lobes are shared. The indirect light has about the radiance `ambient`.
     pub(crate) fn new<S: Secondary>(
         direct: &DirectTerm<'_, S>,
         (width, rows): (usize, usize),

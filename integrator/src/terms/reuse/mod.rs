@@ -60,7 +60,8 @@ struct Tile<'a> {
     /// What the first batch met, by which later ones know what is near: a batch that judged itself would take nothing
     /// to be hidden where it happened to meet nothing near.
     hits: Vec<Vec<Vec3A>>,
-    /// Relative noise of the mean of the first batches, summed over the pixels, by squares, as much as it counts.
+    /// Relative noise of the mean of the first batches, summed over the pixels, by squares, each times its
+    /// [`LobePlan::noise_weight`].
     noise: f64,
     rays: RayCounts,
     /// Samples that were not finite.
