@@ -176,6 +176,7 @@ mod tests {
             total_error: 1e-3,
             min_radius,
             max_radius: min_radius,
+            max_share_of_distance: 1.0,
             by_hessian: true,
             gradients: true,
             walls: true,

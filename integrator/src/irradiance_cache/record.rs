@@ -31,6 +31,8 @@ pub(crate) struct RecordRules {
     pub(crate) min_radius: f32,
     /// Largest radius.
     pub(crate) max_radius: f32,
+    /// The same, as a share of the harmonic mean distance.
+    pub(crate) max_share_of_distance: f32,
     /// Whether the Hessian says how far it reaches, or Ward's rule.
     pub(crate) by_hessian: bool,
     /// Whether it knows the gradients.
@@ -127,7 +129,8 @@ impl Record {
     ) -> Self {
         let far = samples.harmonic_distance();
         let directions = samples.directions();
-        let limited = |radius: f32| radius.min(far).min(rules.max_radius).min(FARTHEST).max(rules.min_radius);
+        let limited = |radius: f32| radius.min(rules.max_radius).min(FARTHEST).max(rules.min_radius);
+        let farthest = rules.max_share_of_distance * far;
         let is_lit_by_few = is_lit_by_few(samples);
         let derivatives_of = |samples: &Samples| edges.derivatives(samples, &directions, rules.min_radius);
         let derivatives = (!is_lit_by_few).then(|| derivatives_of(samples));
@@ -138,7 +141,8 @@ impl Record {
             let [near, sky] = derivatives.translation;
             let slope = Vec2::new(luminance(near[0] + sky[0]), luminance(near[1] + sky[1]));
             let fall = light / slope.length();
-            (curvatures.map(|curvature| limited(radius(curvature, rules.total_error * light).min(fall))), axis)
+            let radius = |curvature| radius(curvature, rules.total_error * light).min(fall).min(farthest);
+            (curvatures.map(|curvature| limited(radius(curvature))), axis)
         };
         let by_geometry = limited(WARD_SPACING * far);
         let (radii, axis) = if is_lit_by_few && is_lit_by_highlights(samples) {
@@ -328,6 +332,7 @@ mod tests {
         total_error: 1e-3,
         min_radius: 1e-3,
         max_radius: 10.0,
+        max_share_of_distance: 1.0,
         by_hessian: true,
         gradients: true,
         walls: true,

@@ -59,6 +59,7 @@ impl<'a> Recorder<'a> {
             total_error: error * width * width,
             min_radius,
             max_radius: plan.max_reach(footprint).max(min_radius),
+            max_share_of_distance: plan.max_share_of_distance,
             by_hessian: plan.by_hessian,
             gradients: plan.gradients,
             walls: plan.walls,

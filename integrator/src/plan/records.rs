@@ -34,6 +34,8 @@ pub(crate) struct RecordPlan {
     pub(crate) gaps: bool,
     /// How far any record reaches, as a share of the scene, and of what the picture shows there.
     max_share: f32,
+    /// How far one of irradiance reaches whose light hardly changes, as a share of the harmonic mean distance.
+    pub(crate) max_share_of_distance: f32,
     /// Whether texels between bright and dark, and at the rim of the sky, are divided.
     pub(crate) divide: bool,
     /// Whether highlights are traced anew.
@@ -112,6 +114,8 @@ impl RecordPlan {
             walls: study.walls != Some(false),
             clamp: study.clamp != Some(false),
             gaps: study.gaps != Some(false),
+            // As far as radii rise with the error. In corners this limits nearly all of them.
+            max_share_of_distance: quality.min(1.0).sqrt().sqrt().recip(),
             max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
             divide: study.divide != Some(false),
             highlights: study.highlights != Some(false),
@@ -222,6 +226,13 @@ mod tests {
         assert_eq!(plan.look_n_for(1.0), plan.look_n);
         assert_eq!(plan.look_n_for(0.0), plan.look_n_for(0.1), "no look has fewer than a ninth");
         assert!(plan.resolutions().contains(&plan.n));
+    }
+
+    #[test]
+    fn records_of_low_qualities_reach_farther() {
+        let scene = Scene::new(Description::default()).unwrap();
+        let plan = |quality| RecordPlan::new(&scene, &Settings { quality, ..Settings::default() });
+        assert_eq!([0.0625, 1.0, 16.0].map(|quality| plan(quality).max_share_of_distance), [2.0, 1.0, 1.0]);
     }
 
     #[test]
