@@ -148,7 +148,9 @@ mod tests {
             }
         }
         let mut grid = BallGrid::default();
-        [0.0, -1.0, f32::NAN].map(|radius| grid.insert(0, Vec3A::ZERO, radius));
+        for radius in [0.0, -1.0, f32::NAN] {
+            grid.insert(0, Vec3A::ZERO, radius);
+        }
         assert_eq!(grid.near(Vec3A::ZERO).next(), None, "without a radius");
     }
 }

@@ -31,7 +31,7 @@ pub(crate) struct RecordRules {
     pub(crate) min_radius: f32,
     /// Largest radius.
     pub(crate) max_radius: f32,
-    /// The same, as a share of the harmonic mean distance.
+    /// The same of those by the Hessian, as a share of the harmonic mean distance.
     pub(crate) max_share_of_distance: f32,
     /// Whether the Hessian says how far it reaches, or Ward's rule.
     pub(crate) by_hessian: bool,
@@ -365,6 +365,18 @@ mod tests {
         assert!(distance(0.0, 4.0) < 1.0 && distance(-4.0, 0.0) < 1.0, "light is the same everywhere");
         assert!(distance(0.7, 4.0) < 1.0, "in front of the wall");
         assert!(distance(1.0, 0.0) >= 1.0 && distance(1.5, 3.0) >= 1.0, "behind it");
+    }
+
+    #[test]
+    fn even_light_reaches_as_far_as_its_distance_lets_it() {
+        let reach = |max_share_of_distance, by_hessian| {
+            let rules = RecordRules { max_share_of_distance, by_hessian, ..RULES };
+            record(&rules, |wi| (Vec3::ONE, 2.0, -wi)).least_reach()
+        };
+        for share in [1.0, 2.0] {
+            assert!((reach(share, true) / (2.0 * share) - 1.0).abs() < 1e-4, "a share of {share}");
+            assert!((reach(share, false) / (2.0 * WARD_SPACING) - 1.0).abs() < 1e-4, "geometry has its own");
+        }
     }
 
     #[test]
