@@ -203,7 +203,7 @@ impl Witness {
     }
 
     /// Ends a band of `pixels`, whose points have got their light.
-    pub(crate) fn leave(&self, pixels: &[PixelPoints], lattice: &Lattice, values: &[Incident]) {
+    pub(crate) fn leave(&self, pixels: &[PixelPoints], lattice: &Lattice<'_>, values: &[Incident]) {
         let number = self.number.load(Ordering::Relaxed);
         let Some(pixel) = pixels.get(number as usize) else { return };
         let steps = self.steps.lock().unwrap_or_else(PoisonError::into_inner);

@@ -17,7 +17,7 @@ use crate::sampler::hash_pair;
 use crate::secondary::Secondary;
 use crate::sky::SkySplit;
 use crate::statistics::{Progress, RayCounts, Statistics};
-use crate::surface_points::{PixelPoints, Primary, SurfacePoint};
+use crate::surface_points::{PixelPoints, Primary};
 use crate::terms::indirect::{Counts, Incident, IndirectTerm};
 use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
@@ -72,18 +72,14 @@ pub(crate) fn render<S: Secondary>(
             witness.enter(&band, settings.size.x);
         }
         progress(Progress { phase: "direct", done });
-        let mut pixels = statistics.time("direct", |_| trace_primary(&primary, &band, whole.as_ref()));
+        let pixels = statistics.time("direct", |_| trace_primary(&primary, &band, whole.as_ref()));
         for pixel in &pixels {
             samples += u64::from(pixel.samples);
             statistics.rays += pixel.rays;
             statistics.surface_points += pixel.points.len() as u64;
         }
         progress(Progress { phase: "indirect", done });
-        let lattice = Lattice::new(
-            settings.size.x as usize,
-            band.pixel_count() / settings.size.x as usize,
-            take_points(&mut pixels),
-        );
+        let lattice = Lattice::new(settings.size.x as usize, &pixels);
         let values = statistics.time("indirect", |_| match settings.method {
             Method::Gather => indirect.gather_all(lattice.points(), &mut counts),
             Method::CacheOnly => {
@@ -100,7 +96,7 @@ pub(crate) fn render<S: Secondary>(
             witness.leave(&pixels, &lattice, &values);
         }
         statistics.time("film", |statistics| {
-            develop(&mut band, pixels, &lattice, &values, secondary, statistics);
+            develop(&mut band, &pixels, &lattice, &values, secondary, statistics);
         });
     }
     progress(Progress { phase: "indirect", done: 1.0 });
@@ -218,18 +214,11 @@ fn ambient<S: Secondary>(pixels: &[PixelPoints], secondary: &S) -> f32 {
     sum / count.max(1.0) * std::f32::consts::FRAC_1_PI
 }
 
-/// Takes the points out of their pixels, so that they are not held twice.
-fn take_points(pixels: &mut [PixelPoints]) -> Vec<SurfacePoint> {
-    let mut points = Vec::with_capacity(pixels.iter().map(|pixel| pixel.points.len()).sum());
-    points.extend(pixels.iter_mut().flat_map(|pixel| std::mem::take(&mut pixel.points)));
-    points
-}
-
 /// Adds what the cache knows of each surface point, and its caustic, to the light of its pixel.
 fn develop<S: Secondary>(
     band: &mut Band<'_>,
-    pixels: Vec<PixelPoints>,
-    lattice: &Lattice,
+    pixels: &[PixelPoints],
+    lattice: &Lattice<'_>,
     values: &[Incident],
     secondary: &S,
     statistics: &mut Statistics,
@@ -252,23 +241,23 @@ fn develop<S: Secondary>(
         })
         .collect();
     let developed: Vec<(Pixel, Rungs, u64)> = pixels
-        .into_par_iter()
+        .par_iter()
         .enumerate()
-        .map(|(index, mut pixel)| {
-            let mut dropped = pixel.dropped;
+        .map(|(index, pixel)| {
+            let PixelPoints { mut sum, mut dropped, samples, .. } = *pixel;
             // The weights of points are sums over their samples, as the light of samples is.
             for terms in &terms[lattice.of_pixel(index)] {
                 if terms.is_finite() {
-                    pixel.sum.add_terms(terms);
+                    sum.add_terms(terms);
                 } else {
                     dropped += 1;
                 }
             }
             let mut rungs = Rungs::default();
             for number in lattice.of_pixel(index) {
-                rungs.add(values[number].rung, points[number].spread.count / pixel.samples as f32);
+                rungs.add(values[number].rung, points[number].spread.count / samples as f32);
             }
-            (pixel.sum.mean(pixel.samples), rungs, dropped)
+            (sum.mean(samples), rungs, dropped)
         })
         .collect();
     for (index, (pixel, rungs, dropped)) in developed.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! The lattice of the points of a picture: which are asked first.
 
-use crate::surface_points::SurfacePoint;
+use crate::surface_points::{PixelPoints, SurfacePoint};
 use crate::terms::indirect::Incident;
 
 /// Distances of the lattices in pixels, coarse to fine; each level halves the one before.
@@ -8,25 +8,26 @@ pub(crate) const STRIDES: [usize; 7] = [64, 32, 16, 8, 4, 2, 1];
 
 /// The surface points of a band of the picture, by pixels.
 #[derive(Debug)]
-pub(crate) struct Lattice {
+pub(crate) struct Lattice<'a> {
     width: usize,
     height: usize,
-    points: Vec<SurfacePoint>,
+    points: Vec<&'a SurfacePoint>,
     /// First point of each pixel, and the number of points at the end.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
 }
 
-impl Lattice {
-    /// Arranges points, sorted by pixel, of a band of `width` x `height` pixels.
-    pub(crate) fn new(width: usize, height: usize, points: Vec<SurfacePoint>) -> Self {
-        let mut starts = vec![0; width * height + 1];
-        for point in &points {
-            starts[point.pixel as usize + 1] += 1;
+impl<'a> Lattice<'a> {
+    /// Arranges the points of a band of `pixels`, row by row of `width`. They stay where they are: to move them is to
+    /// hold all of them twice.
+    pub(crate) fn new(width: usize, pixels: &'a [PixelPoints]) -> Self {
+        let mut points = Vec::with_capacity(pixels.len());
+        let mut starts = Vec::with_capacity(pixels.len() + 1);
+        for pixel in pixels {
+            starts.push(points.len());
+            points.extend(&pixel.points);
         }
-        for pixel in 0..width * height {
-            starts[pixel + 1] += starts[pixel];
-        }
-        Self { width, height, points, starts }
+        starts.push(points.len());
+        Self { width, height: pixels.len() / width, points, starts }
     }
 
     /// Whether a point of the lattice of this stride lies in the middle of a cell of the coarser one, and not on a side
@@ -37,7 +38,7 @@ impl Lattice {
         !is_coarse(pixel % self.width, self.width) && !is_coarse(pixel / self.width, self.height)
     }
 
-    pub(crate) fn points(&self) -> &[SurfacePoint] {
+    pub(crate) fn points(&self) -> &[&'a SurfacePoint] {
         &self.points
     }
 
@@ -65,7 +66,7 @@ impl Lattice {
 
     /// The numbers of the points of a pixel of the band.
     pub(crate) fn of_pixel(&self, pixel: usize) -> std::ops::Range<usize> {
-        self.starts[pixel] as usize..self.starts[pixel + 1] as usize
+        self.starts[pixel]..self.starts[pixel + 1]
     }
 }
 

@@ -5,15 +5,15 @@
 //! made after it was asked too. A batch of records is made while the index is frozen, and most points of one batch lie
 //! at least a stride apart, so they seldom serve each other's place.
 
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 use rayon::prelude::*;
 use scene::Surface;
 
-use super::index::Index;
+use super::index::{Index, Told};
 use super::record::Place;
-use super::recorder::MIN_PIXELS;
 use crate::explain::{IrradianceFacts, Step};
 use crate::lattice::{Lattice, STRIDES};
+use crate::plan::MIN_IRRADIANCE_PIXELS;
 use crate::rungs::Rung;
 use crate::secondary::Secondary;
 use crate::sky::luminance;
@@ -28,7 +28,7 @@ const PLACE: f32 = 0.5;
 /// gloss needs a texture each point looks for itself.
 pub(crate) fn fill<S: Secondary>(
     term: &IndirectTerm<'_, S>,
-    lattice: &Lattice,
+    lattice: &Lattice<'_>,
     index: &mut Index,
     counts: &mut Counts,
     mut ask: impl FnMut(Vec<usize>, usize, &mut Counts) -> Vec<(usize, Look)>,
@@ -37,7 +37,7 @@ pub(crate) fn fill<S: Secondary>(
     let mut values: Vec<Option<Incident>> =
         points.iter().map(|point| (!term.asks(point)).then(Incident::default)).collect();
     // What is seen so flatly that no record could reach the ends of its pixel.
-    let is_beyond = |&number: &usize| values[number].is_none() && is_beyond_records(&points[number], term);
+    let is_beyond = |&number: &usize| values[number].is_none() && is_beyond_records(points[number], term);
     let beyond: Vec<usize> = (0..points.len()).filter(is_beyond).collect();
     counts.gathered += beyond.len() as u64;
     for (number, incident) in term.look_over(points, beyond, counts) {
@@ -70,28 +70,31 @@ pub(crate) fn fill<S: Secondary>(
         }
     }
     // A record that covered a point when that was asked may have been limited since, by a neighbour in the same batch.
-    loop {
+    let told = loop {
         let frozen = &*index;
-        let is_lost = |&number: &usize| {
-            values[number].is_none()
-                && !rungs[number].has_looked()
-                && !frozen.reaches(&places[number])
-                && !frozen.reaches(&own_place(&points[number], &places[number]))
-        };
-        let lost: Vec<usize> = (0..points.len()).into_par_iter().filter(is_lost).collect();
+        let told: Vec<Told> = (0..points.len())
+            .into_par_iter()
+            .map(|number| match values[number] {
+                Some(_) => Told::default(),
+                None => look_up(points[number], &places[number], frozen),
+            })
+            .collect();
+        let is_lost =
+            |&number: &usize| values[number].is_none() && !rungs[number].has_looked() && told[number].light.is_none();
+        let lost: Vec<usize> = (0..points.len()).filter(is_lost).collect();
         if lost.is_empty() {
-            break;
+            break told;
         }
         for (number, look) in ask(lost, 1, counts) {
             rungs[number] = look.incident.rung;
             index.extend(look.record);
         }
-    }
+    };
     let index = &*index;
-    let is_long = |&number: &usize| values[number].is_none() && is_long(&points[number], &places[number], index);
+    let is_long = |&number: &usize| values[number].is_none() && is_long(points[number], &told[number]);
     let long: Vec<usize> = (0..points.len()).into_par_iter().filter(is_long).collect();
     counts.rays.hole += 2 * long.len() as u64;
-    let is_wide = |&number: &usize| is_wide(term, &points[number], &places[number], index);
+    let is_wide = |&number: &usize| is_wide(term, points[number], &places[number], index);
     let wide: Vec<usize> = long.into_par_iter().filter(is_wide).collect();
     counts.gathered += wide.iter().filter(|&&number| !rungs[number].has_looked()).count() as u64;
     for (number, incident) in term.look_over(points, wide, counts) {
@@ -102,9 +105,9 @@ pub(crate) fn fill<S: Secondary>(
         values.iter().zip(&rungs).filter(|(value, rung)| value.is_none() && !rung.has_looked()).count() as u64;
     let rest = |number: usize| {
         values[number].unwrap_or_else(|| {
-            let (point, place) = (&points[number], &places[number]);
-            let [near, sky] = light(point, place, index).expect("a point that no record reached has become one");
+            let [near, sky] = told[number].light.expect("a point that no record reached has become one");
             if !rungs[number].has_looked() {
+                let (point, place) = (points[number], &places[number]);
                 term.tell(point, || Step::Interpolated { records: facts(point, place, index) });
             }
             Incident { near, sky, rung: rungs[number], ..Incident::default() }
@@ -115,11 +118,12 @@ pub(crate) fn fill<S: Secondary>(
 
 /// What records tell of a point in the middle of its samples, or of its own place: where its samples are far apart, its
 /// own record may not reach their middle.
-fn light(point: &SurfacePoint, middle: &Place, index: &Index) -> Option<[Vec3; 2]> {
-    index.interpolate(middle).or_else(|| index.interpolate(&own_place(point, middle)))
+fn look_up(point: &SurfacePoint, middle: &Place, index: &Index) -> Told {
+    let told = index.look_up(middle);
+    if told.light.is_some() { told } else { Told { light: index.look_up(&own_place(point, middle)).light, ..told } }
 }
 
-/// The records that tell it.
+/// The records that tell its light.
 fn facts(point: &SurfacePoint, middle: &Place, index: &Index) -> Vec<IrradianceFacts> {
     let found = index.facts(middle);
     if found.is_empty() { index.facts(&own_place(point, middle)) } else { found }
@@ -140,7 +144,7 @@ fn is_beyond_records<S: Secondary>(point: &SurfacePoint, term: &IndirectTerm<'_,
 }
 
 /// Whether a point that is seen directly may be longer than some record around it tells of, or no record is around it.
-fn is_long(point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
+fn is_long(point: &SurfacePoint, middle: &Told) -> bool {
     /// Records on the lit side of a rim reach so much farther than its pixels go on into the dark, whose few samples
     /// may lie close together besides. Plain relMSE of `cornell-box` at quality 0.3 was 1.7 times robust with 3, 2.2
     /// times with 1, for a hundredth more rays, and 1.5 times with 5, the reference's own not subtracted.
@@ -148,8 +152,8 @@ fn is_long(point: &SurfacePoint, middle: &Place, index: &Index) -> bool {
     let half = point.half_length();
     // Shorter ones are within the least reach of any record.
     point.chain == 0
-        && half > MIN_PIXELS * point.footprint
-        && index.least_reach(middle).is_none_or(|reach| reach <= REACH * half)
+        && half > MIN_IRRADIANCE_PIXELS * point.footprint
+        && middle.least_reach.is_none_or(|reach| reach <= REACH * half)
 }
 
 /// Whether records cannot tell the light on all of a long point: it is in a gap in part, what they tell of its middle
@@ -175,7 +179,7 @@ fn is_wide<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middl
     if term.plan.records.gaps && lowest < half && lowest < GAP * highest {
         return true;
     }
-    let light = |place: &Place| index.interpolate(place).map(|[near, sky]| luminance(near + sky));
+    let light = |place: &Place| index.look_up(place).light.map(|[near, sky]| luminance(near + sky));
     let (darkest, brightest, count) = range(places.iter().filter_map(light));
     count < 2 || darkest < (1.0 - CHANGE) * brightest
 }

@@ -16,12 +16,22 @@ pub(crate) struct Index {
     grid: BallGrid,
     /// Wider balls, in which records limit each other; none where they do not.
     neighbours: Option<BallGrid>,
-    /// The radius of each of these, metres.
-    neighbourhoods: Vec<f32>,
+    /// The square of the radius of each of these.
+    neighbourhoods_sq: Vec<f32>,
 }
 
 /// Records limit those that are nearer than so many times their own reach: as those between do so too, that is enough.
 const NEIGHBOURHOOD: f32 = 3.0;
+
+/// What the records around a place tell of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Told {
+    /// The light, as all records tell that reach the place, weighted by how near they are: mean radiance of what stands
+    /// at a distance, and of the soft sky. `None` where there is none.
+    pub(crate) light: Option<[Vec3; 2]>,
+    /// How far that record reaches which reaches least, of those around, metres; `None` where there is none.
+    pub(crate) least_reach: Option<f32>,
+}
 
 /// Where a record reaches at most.
 #[derive(Debug, Clone, Copy)]
@@ -56,12 +66,15 @@ impl Index {
     /// say.
     fn clamp_to_neighbours(&mut self, record: &mut Record) {
         let Some(neighbours) = &mut self.neighbours else { return };
-        let way = |other: &Record| other.centre().distance(record.centre());
-        let faces = |other: &Record| other.normal().dot(record.normal()) >= MIN_NORMAL_COS;
+        let (centre, normal) = (record.centre(), Vec3::from(record.normal()));
+        let way = |other: &Record| other.centre().distance(centre);
         // The grid's answer holds some that are farther off, by where its cells lie.
-        let is_neighbour = |number: usize, other: &Record| way(other) <= self.neighbourhoods[number] && faces(other);
-        let near = neighbours.near(record.centre()).map(|number| number as usize);
-        let around: Vec<usize> = near.filter(|&number| is_neighbour(number, &self.records[number])).collect();
+        let is_neighbour = |&number: &usize| {
+            let ball = &self.balls[number];
+            ball.centre.distance_squared(centre) <= self.neighbourhoods_sq[number]
+                && ball.normal.dot(normal) >= MIN_NORMAL_COS
+        };
+        let around: Vec<usize> = neighbours.near(centre).map(|number| number as usize).filter(is_neighbour).collect();
         let others = around.iter().map(|&number| &self.records[number]);
         let limit = others.map(|other| other.least_reach() + way(other)).fold(f32::INFINITY, f32::min);
         let reach = record.least_reach().min(limit);
@@ -71,42 +84,37 @@ impl Index {
             self.balls[number].reach_sq = other.reach() * other.reach();
         }
         let number = u32::try_from(self.records.len()).expect("memory ends before 2^32 records");
-        neighbours.insert(number, record.centre(), NEIGHBOURHOOD * reach);
-        self.neighbourhoods.push(NEIGHBOURHOOD * reach);
+        neighbours.insert(number, centre, NEIGHBOURHOOD * reach);
+        self.neighbourhoods_sq.push((NEIGHBOURHOOD * reach).powi(2));
         record.clamp_reach(limit);
     }
 
     /// Whether some record is within `distance` of a place, see [`Record::distance`].
     pub(crate) fn covers(&self, place: &Place, distance: f32) -> bool {
-        self.near(place).any(|record| record.distance(place) <= distance)
+        self.near(place, distance).any(|record| record.distance(place) <= distance)
     }
 
-    /// Whether any record reaches a place, so that [`Self::interpolate`] finds light there.
-    pub(crate) fn reaches(&self, place: &Place) -> bool {
-        self.reaching(place).next().is_some()
-    }
-
-    /// How far that record reaches which reaches least, of those around a place, metres; `None` where there is none.
-    pub(crate) fn least_reach(&self, place: &Place) -> Option<f32> {
-        self.near(place).map(Record::least_reach).reduce(f32::min)
-    }
-
-    /// The light at a place, as all records tell that reach it, weighted by how near they are: mean radiance of what
-    /// stands at a distance, and of the soft sky. `None` where there is none.
-    pub(crate) fn interpolate(&self, place: &Place) -> Option<[Vec3; 2]> {
+    /// What the records around a place tell of it.
+    pub(crate) fn look_up(&self, place: &Place) -> Told {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
-        for (record, weight) in self.reaching(place) {
-            let light = record.light(place.p, place.n);
-            total += weight;
-            sum[0] += weight * light[0];
-            sum[1] += weight * light[1];
+        let mut least_reach: Option<f32> = None;
+        for record in self.near(place, 1.0) {
+            let reach = record.least_reach();
+            least_reach = Some(least_reach.map_or(reach, |least| least.min(reach)));
+            let weight = 1.0 - record.distance(place);
+            if weight > 0.0 {
+                let light = record.light(place.p, place.n);
+                total += weight;
+                sum[0] += weight * light[0];
+                sum[1] += weight * light[1];
+            }
         }
         // Where gradients overshoot, in the darkest corners, light is not negative.
-        (total > 0.0).then(|| sum.map(|part| (part / total).max(Vec3::ZERO)))
+        Told { light: (total > 0.0).then(|| sum.map(|part| (part / total).max(Vec3::ZERO))), least_reach }
     }
 
-    /// The records by which [`Self::interpolate`] finds the light at a place, those that weigh most first.
+    /// The records by which [`Self::look_up`] finds the light at a place, those that weigh most first.
     pub(crate) fn facts(&self, place: &Place) -> Vec<IrradianceFacts> {
         let total: f32 = self.reaching(place).map(|(_, weight)| weight).sum();
         let fact = |(record, weight): (&Record, f32)| IrradianceFacts {
@@ -123,7 +131,7 @@ impl Index {
 
     /// The records that reach a place, and what they weigh there.
     fn reaching(&self, place: &Place) -> impl Iterator<Item = (&Record, f32)> {
-        self.near(place).filter_map(|record| {
+        self.near(place, 1.0).filter_map(|record| {
             let distance = record.distance(place);
             (distance < 1.0).then_some((record, 1.0 - distance))
         })
@@ -144,16 +152,19 @@ impl Index {
         self.grid.memory_bytes()
             + self.neighbours.as_ref().map_or(0, BallGrid::memory_bytes)
             + self.balls.len() * size_of::<Ball>()
-            + self.neighbourhoods.len() * size_of::<f32>()
+            + self.neighbourhoods_sq.len() * size_of::<f32>()
             + self.records.iter().map(Record::memory_bytes).sum::<usize>()
     }
 
-    /// The records in whose balls a place lies: all that reach it, and some that do not.
-    fn near(&self, place: &Place) -> impl Iterator<Item = &Record> {
+    /// The records in whose balls a place lies, shrunk to this share of their reach: all that are within that
+    /// `distance`, see [`Record::distance`], and some that are not.
+    fn near(&self, place: &Place, distance: f32) -> impl Iterator<Item = &Record> {
         let (p, n) = (place.p, Vec3::from(place.n));
+        let share_sq = distance * distance;
         self.grid.near(p).map(|number| number as usize).filter_map(move |number| {
             let ball = &self.balls[number];
-            let is_near = p.distance_squared(ball.centre) <= ball.reach_sq && n.dot(ball.normal) >= MIN_NORMAL_COS;
+            let is_near =
+                p.distance_squared(ball.centre) <= share_sq * ball.reach_sq && n.dot(ball.normal) >= MIN_NORMAL_COS;
             is_near.then(|| &self.records[number])
         })
     }
@@ -175,6 +186,7 @@ mod tests {
         let rules = RecordRules {
             total_error: 1e-3,
             min_radius,
+            highlight_radius: min_radius,
             max_radius: min_radius,
             max_share_of_distance: 1.0,
             by_hessian: true,
@@ -206,7 +218,7 @@ mod tests {
                 let weights: Vec<f32> = distances.clone().map(|distance| (1.0 - distance).max(0.0)).collect();
                 let total: f32 = weights.iter().sum();
                 let naive: f32 = weights.iter().zip(&records).map(|(w, r)| w * r.light(p, n)[0].x).sum::<f32>() / total;
-                let found = index.interpolate(&place);
+                let found = index.look_up(&place).light;
                 prop_assert_eq!(found.is_some(), total > 0.0);
                 if let Some([near, _]) = found {
                     // The sums run in another order: rounding of f32.
@@ -242,7 +254,7 @@ mod tests {
     #[test]
     fn nobody_is_served_by_nothing() {
         let place = Place { p: Vec3A::ZERO, n: Vec3A::Z, clearance: f32::INFINITY };
-        assert_eq!(Index::default().interpolate(&place), None, "no record");
+        assert_eq!(Index::default().look_up(&place), Told::default(), "no record");
         assert!(!Index::default().covers(&place, 1.0), "nor near one");
     }
 }

@@ -14,12 +14,12 @@
 //! keeps the planes of what it met near its horizon: no point behind one of them may take anything from it (as Ward's
 //! `ambcorral` in Radiance, which keeps azimuths in their place).
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Mat3A, Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use radcache::Samples;
 
 use super::edges::{Derivatives, Gradient, TexelEdges};
-use super::hessian::{Symmetric, radius};
+use super::hessian::radius;
 use crate::sky::luminance;
 
 /// Rules for the reach of one record. Lengths are metres.
@@ -29,6 +29,8 @@ pub(crate) struct RecordRules {
     pub(crate) total_error: f32,
     /// Smallest radius.
     pub(crate) min_radius: f32,
+    /// Radius where light comes by highlights, which is smaller.
+    pub(crate) highlight_radius: f32,
     /// Largest radius.
     pub(crate) max_radius: f32,
     /// The same of those by the Hessian, as a share of the harmonic mean distance.
@@ -53,8 +55,8 @@ pub(crate) struct Record {
     mean: [Vec3; 2],
     translation: [Gradient; 2],
     rotation: [Gradient; 2],
-    /// The ellipse, as the matrix M of distance^2 = d M d.
-    ellipse: Symmetric,
+    /// Turns an offset into its parts along the half axes and over the tangent plane, in units of the reach along each.
+    reach: Mat3A,
     /// Half axes, the smaller first.
     radii: [f32; 2],
     /// The height of the lowest thing overhead.
@@ -147,7 +149,7 @@ impl Record {
         let by_geometry = limited(WARD_SPACING * far);
         let (radii, axis) = if is_lit_by_few && is_lit_by_highlights(samples) {
             // Where they end, no geometry tells.
-            ([rules.min_radius; 2], Vec2::X)
+            ([rules.highlight_radius; 2], Vec2::X)
         } else if !rules.by_hessian {
             ([by_geometry; 2], Vec2::X)
         } else if let Some(derivatives) = &derivatives {
@@ -161,14 +163,15 @@ impl Record {
         };
         let [first, second] = [radii[0], radii[1].min(MAX_ASPECT * radii[0])];
         let Derivatives { translation, rotation, .. } = derivatives.filter(|_| rules.gradients).unwrap_or_default();
-        let mut ellipse = Symmetric::mixed(axis, axis).scaled(0.5 / (first * first));
-        ellipse += Symmetric::mixed(axis.perp(), axis.perp()).scaled(0.5 / (second * second));
+        let along = |axis: Vec2, radius: f32| (frame.s * axis.x + frame.t * axis.y) / radius;
+        let height = frame.n * (HEIGHT_FACTOR / first);
+        let reach = Mat3A::from_cols(along(axis, first), along(axis.perp(), second), height).transpose();
         let guards = if rules.walls { guards(samples, &directions, &frame, second) } else { Vec::new() };
         let heights = directions.iter().zip(&samples.distance).filter(|(wi, _)| wi.z > OVERHEAD_COS);
         // Nothing is in a gap of a record without height.
         let clearance =
             if rules.gaps { heights.map(|(wi, distance)| wi.z * distance).fold(f32::INFINITY, f32::min) } else { 0.0 };
-        Self { centre, frame, mean, translation, rotation, ellipse, radii: [first, second], clearance, guards }
+        Self { centre, frame, mean, translation, rotation, reach, radii: [first, second], clearance, guards }
     }
 
     /// Reaches no farther than so many metres where it reaches least, and less in proportion elsewhere.
@@ -176,7 +179,7 @@ impl Record {
         if least < self.radii[0] {
             let share = least / self.radii[0];
             self.radii = self.radii.map(|radius| share * radius);
-            self.ellipse = self.ellipse.scaled(1.0 / (share * share));
+            self.reach *= 1.0 / share;
         }
     }
 
@@ -213,12 +216,10 @@ impl Record {
             return f32::INFINITY;
         }
         let offset = p - self.centre;
-        let [x, y, height] = self.frame.to_local(offset).to_array();
-        let Symmetric { xx, xy, yy } = self.ellipse;
-        let high = HEIGHT_FACTOR * height / self.radii[0];
+        let parts = self.reach * offset;
         let turn = (1.0 - cos).max(0.0) / (1.0 - MIN_NORMAL_COS);
-        let distance_sq = x * x * xx + 2.0 * x * y * xy + y * y * yy + high * high + turn;
-        let steep = HEIGHT_FACTOR * height.abs() > offset.length() + STEEP_SLACK * self.radii[0];
+        let distance_sq = parts.length_squared() + turn;
+        let steep = (parts.z.abs() - STEEP_SLACK) * self.radii[0] > offset.length();
         let is_in_gap = clearance < (GAP * self.clearance).min(offset.length());
         if distance_sq >= 1.0 || steep || is_in_gap {
             return f32::INFINITY;
@@ -331,6 +332,7 @@ mod tests {
     const RULES: RecordRules = RecordRules {
         total_error: 1e-3,
         min_radius: 1e-3,
+        highlight_radius: 5e-4,
         max_radius: 10.0,
         max_share_of_distance: 1.0,
         by_hessian: true,
@@ -401,7 +403,7 @@ mod tests {
         (0..4).for_each(|texel| samples.radiance[100 + texel] = Vec3::splat(50.0));
         let lamp = reach(&samples);
         samples.view_dependent[90..110].fill(true);
-        assert_eq!(reach(&samples), RULES.min_radius, "they move otherwise than what they are seen in");
+        assert_eq!(reach(&samples), RULES.highlight_radius, "they move otherwise than what they are seen in");
         assert!(lamp > 100.0 * RULES.min_radius, "a lamp stays where it is: {lamp}");
         (0..20).for_each(|texel| samples.radiance[500 + texel] = Vec3::splat(11.0));
         assert!(is_lit_by_few(&samples));
@@ -475,7 +477,7 @@ mod tests {
         assert!((endless.distance(&open(Vec3A::X, Vec3A::Z)) - 0.5).abs() < 1e-3, "beside one that reaches less far");
         endless.clamp_reach(1e-6);
         assert!(
-            (endless.distance(&open(Vec3A::X * 1e-6, Vec3A::Z)) - 1.0).abs() < 1e-3,
+            (endless.distance(&open(Vec3A::X * 5e-7, Vec3A::Z)) - 0.5).abs() < 1e-3,
             "beside one that hardly reaches"
         );
         let dark = record(&RULES, |wi| (Vec3::ZERO, 1.0 / wi.z, Vec3A::NEG_Z));

@@ -19,8 +19,6 @@ pub(crate) struct Recorder<'a> {
 
 /// Derivatives need no more than about so many blocks of texels along a side.
 const BLOCKS: usize = 16;
-/// Smallest radius of a record, pixels.
-pub(super) const MIN_PIXELS: f32 = 1.5;
 
 impl<'a> Recorder<'a> {
     /// Makes records as the plan has them.
@@ -53,11 +51,11 @@ impl<'a> Recorder<'a> {
     fn rules(&self, footprint: f32, error: f32) -> RecordRules {
         let plan = self.plan;
         let width = plan.picture_width(footprint);
-        // A camera whose pixels are points still needs records that reach themselves.
-        let min_radius = (MIN_PIXELS * footprint).max(f32::MIN_POSITIVE);
+        let min_radius = plan.min_reach(footprint);
         RecordRules {
             total_error: error * width * width,
             min_radius,
+            highlight_radius: RecordPlan::highlight_reach(footprint),
             max_radius: plan.max_reach(footprint).max(min_radius),
             max_share_of_distance: plan.max_share_of_distance,
             by_hessian: plan.by_hessian,

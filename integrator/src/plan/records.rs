@@ -34,6 +34,9 @@ pub(crate) struct RecordPlan {
     pub(crate) gaps: bool,
     /// How far any record reaches, as a share of the scene, and of what the picture shows there.
     max_share: f32,
+    /// How far one of irradiance reaches at least, as a share of what the picture shows there: by the fourth root of the
+    /// error that is allowed, as radii do.
+    min_share: f32,
     /// How far one of irradiance reaches by the Hessian at most, as a share of the harmonic mean distance. In corners
     /// that limits nearly all of them: it rises with the error that is allowed as radii do, by the fourth root.
     pub(crate) max_share_of_distance: f32,
@@ -56,6 +59,10 @@ const GATHER_RESOLUTION: f32 = 16.0;
 /// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less
 /// serves fewer points than could be gathered for its rays.
 const MIN_PIXELS: f32 = 1.0;
+/// Records of irradiance reach at least so many pixels, and at quality 1 this share of what the picture shows there: in
+/// corners, where less would be right, many would serve few pixels each.
+pub(crate) const MIN_IRRADIANCE_PIXELS: f32 = 1.5;
+const MIN_SHARE: f32 = 1.0 / 128.0;
 /// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a
 /// gather has missed come between, and a record far out on a wide floor has no texel for the bodies of a close-up.
 const MAX_SHARE: f32 = 0.25;
@@ -99,6 +106,7 @@ impl RecordPlan {
         };
         let n = study.resolution.unwrap_or(n);
         let error = study.error.unwrap_or(ERROR / quality);
+        let lenience = (error / ERROR).min(MAX_LENIENCE).sqrt().sqrt();
         // A glossy lobe sees single elements, so these must not blur light; irradiance does not care.
         let max_contrast = if has_textures { 0.1 } else { 2.0 };
         Self {
@@ -120,8 +128,9 @@ impl RecordPlan {
             walls: study.walls != Some(false),
             clamp: study.clamp != Some(false),
             gaps: study.gaps != Some(false),
-            max_share_of_distance: (error / ERROR).clamp(1.0, MAX_LENIENCE).sqrt().sqrt(),
+            max_share_of_distance: lenience.max(1.0),
             max_share: if study.limit == Some(false) { f32::MAX } else { MAX_SHARE },
+            min_share: MIN_SHARE * lenience,
             divide: study.divide != Some(false),
             highlights: study.highlights != Some(false),
             tells_parts: settings.rungs,
@@ -192,6 +201,18 @@ impl RecordPlan {
         }
     }
 
+    /// The least that any record of irradiance reaches there, metres, above 0.
+    pub(crate) fn min_reach(&self, footprint: f32) -> f32 {
+        Self::highlight_reach(footprint).max(self.min_share * self.picture_width(footprint))
+    }
+
+    /// The reach of those of irradiance by highlights, which are elsewhere for each point, metres, above 0.
+    pub(crate) fn highlight_reach(footprint: f32) -> f32 {
+        /// A camera whose pixels are points still needs records that reach themselves.
+        const SHORTEST: f32 = 1e-30;
+        (MIN_IRRADIANCE_PIXELS * footprint).max(SHORTEST)
+    }
+
     /// The farthest that any record reaches there, metres.
     pub(crate) fn max_reach(&self, footprint: f32) -> f32 {
         self.max_share * self.scene_size.min(self.picture_width(footprint))
@@ -201,6 +222,7 @@ impl RecordPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::UVec2;
     use scene::Description;
 
     #[test]
@@ -240,6 +262,21 @@ mod tests {
             |quality| RecordPlan::new(&scene, &Settings { quality, ..Settings::default() }).max_share_of_distance;
         assert_eq!([0.0625, 1.0, 16.0].map(share), [2.0, 1.0, 1.0]);
         assert!((share(1e-3) / 2.659 - 1.0).abs() < 1e-3, "no farther than at quality 0.02");
+    }
+
+    #[test]
+    fn the_least_reach_is_a_share_of_the_picture_and_some_pixels() {
+        let scene = Scene::new(Description::default()).unwrap();
+        let least = |quality, size| {
+            let settings = Settings { quality, size: UVec2::splat(size), ..Settings::default() };
+            RecordPlan::new(&scene, &settings).min_reach(0.01) / 0.01
+        };
+        assert_eq!(
+            [(1.0, 256), (1.0, 1024), (0.0625, 256)].map(|(quality, size)| least(quality, size)),
+            [2.0, 8.0, 4.0]
+        );
+        assert_eq!([(1.0, 64), (16.0, 256)].map(|(quality, size)| least(quality, size)), [1.5; 2], "in pixels");
+        assert!(RecordPlan::new(&scene, &Settings::default()).min_reach(0.0) > 0.0, "where pixels are points");
     }
 
     #[test]

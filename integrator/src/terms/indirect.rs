@@ -121,9 +121,9 @@ impl Default for Buffers {
 
 impl<S: Secondary> IndirectTerm<'_, S> {
     /// Gathers at every point, without a cache.
-    pub(crate) fn gather_all(&self, points: &[SurfacePoint], counts: &mut Counts) -> Vec<Incident> {
+    pub(crate) fn gather_all(&self, points: &[&SurfacePoint], counts: &mut Counts) -> Vec<Incident> {
         let mut values = vec![Incident::default(); points.len()];
-        let todo = (0..points.len()).filter(|&number| self.asks(&points[number])).collect();
+        let todo = (0..points.len()).filter(|&number| self.asks(points[number])).collect();
         let RecordPlan { n, look_n, .. } = self.plan.records;
         // A lobe is seen by its own point alone.
         let reads_texture = |number: usize| self.plan.lobes.reads_texture(&points[number].shading);
@@ -137,7 +137,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     /// Gathers at the points `todo`, which a lattice of this `stride` asks.
     pub(crate) fn gather_level(
         &self,
-        lattice: &Lattice,
+        lattice: &Lattice<'_>,
         todo: Vec<usize>,
         stride: usize,
         counts: &mut Counts,
@@ -150,14 +150,14 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     /// Gathers at the points `todo`, with the resolution that each has.
     fn gather(
         &self,
-        points: &[SurfacePoint],
+        points: &[&SurfacePoint],
         todo: Vec<usize>,
         resolution: impl Fn(usize) -> usize + Sync,
         counts: &mut Counts,
     ) -> Vec<(usize, Look)> {
         counts.gathered += todo.len() as u64;
         map_counting(todo.into_par_iter(), &mut counts.rays, |number, rays| {
-            let point = &points[number];
+            let point = points[number];
             let n = resolution(number);
             let frame = Frame::from_normal(point.shading.surface.n);
             let samples = self.gatherer.gather(&point.shading.surface, &frame, n, point.key, rays);
@@ -175,7 +175,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     /// served, a batch of the others becomes records, and the rest asks again.
     pub(crate) fn reproject(
         &self,
-        lattice: &Lattice,
+        lattice: &Lattice<'_>,
         mut todo: Vec<usize>,
         stride: usize,
         index: &mut Index,
@@ -189,7 +189,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let frozen = &*index;
             let answers: Vec<Answer> = todo
                 .par_iter()
-                .map_init(Buffers::default, |buffers, &number| self.ask(frozen, &points[number], look(number), buffers))
+                .map_init(Buffers::default, |buffers, &number| self.ask(frozen, points[number], look(number), buffers))
                 .collect();
             let mut missing = Vec::new();
             for (&number, answer) in todo.iter().zip(answers) {
@@ -218,7 +218,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
             let batch = missing.len().min((missing.len() / BATCH_SHARE).max(MIN_BATCH));
             let made: Vec<(Option<Record>, Look, RayCounts)> = missing[..batch]
                 .par_iter()
-                .map_init(Vec::new, |weights, &number| self.make_record(&points[number], look(number).n, weights))
+                .map_init(Vec::new, |weights, &number| self.make_record(points[number], look(number).n, weights))
                 .collect();
             for (&number, (record, look, rays)) in missing.iter().zip(made) {
                 index.extend(record);
@@ -233,13 +233,13 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     }
 
     /// [`RecordPlan::crowd_rays`] of so many points of a band.
-    fn crowd_rays(&self, lattice: &Lattice, points: usize) -> f32 {
+    fn crowd_rays(&self, lattice: &Lattice<'_>, points: usize) -> f32 {
         RecordPlan::crowd_rays(points, lattice.pixel_count(), self.size.element_product())
     }
 
     /// How a point that a lattice of this `stride` asks looks for itself, if each of those that ask at once may take this
     /// share of the rays of a full look.
-    fn own_look(&self, lattice: &Lattice, number: usize, stride: usize, crowd_rays: f32) -> OwnLook {
+    fn own_look(&self, lattice: &Lattice<'_>, number: usize, stride: usize, crowd_rays: f32) -> OwnLook {
         let records = &self.plan.records;
         if !RecordPlan::is_late(stride) || self.plan.lobes.reads_texture(&lattice.points()[number].shading) {
             return OwnLook { n: records.look_n, is_last: false };

@@ -25,11 +25,11 @@ impl<S: Secondary> IndirectTerm<'_, S> {
     /// The mean light of the points `todo`, all of them seen directly, over what the pixel shows of their surfaces.
     pub(crate) fn look_over(
         &self,
-        points: &[SurfacePoint],
+        points: &[&SurfacePoint],
         todo: Vec<usize>,
         counts: &mut Counts,
     ) -> Vec<(usize, Incident)> {
-        map_counting(todo.into_par_iter(), &mut counts.rays, |number, rays| (number, self.over(&points[number], rays)))
+        map_counting(todo.into_par_iter(), &mut counts.rays, |number, rays| (number, self.over(points[number], rays)))
     }
 
     fn over(&self, point: &SurfacePoint, rays: &mut RayCounts) -> Incident {
