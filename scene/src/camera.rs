@@ -58,17 +58,48 @@ impl Camera {
     #[inline]
     #[must_use]
     pub fn ray(&self, film: Vec2, size: UVec2) -> Ray {
-        let forward = Vec3A::from(self.at - self.eye).normalize();
-        let right = forward.cross(self.up.into()).normalize();
-        let up = right.cross(forward);
-        let plane = (film - 0.5 * size.as_vec2()) * self.pixel_angle(size);
-        Ray::new(self.eye.into(), (forward + right * plane.x - up * plane.y).normalize())
+        View::new(self).ray(film, size)
     }
 
     /// Returns the angle of one pixel in the middle of the picture, radians (to first order: its width at distance 1).
     #[inline]
     #[must_use]
     pub fn pixel_angle(&self, size: UVec2) -> f32 {
-        2.0 * (0.5 * self.fov_y_degrees.to_radians()).tan() / size.as_vec2().y
+        View::new(self).pixel_angle(size)
+    }
+}
+
+/// What all rays of a camera have in common.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct View {
+    eye: Vec3A,
+    /// Unit vectors.
+    forward: Vec3A,
+    right: Vec3A,
+    up: Vec3A,
+    /// The height of the picture at distance 1.
+    height: f32,
+}
+
+impl View {
+    #[inline]
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let forward = Vec3A::from(camera.at - camera.eye).normalize();
+        let right = forward.cross(camera.up.into()).normalize();
+        let height = 2.0 * (0.5 * camera.fov_y_degrees.to_radians()).tan();
+        Self { eye: camera.eye.into(), forward, right, up: right.cross(forward), height }
+    }
+
+    /// See [`Camera::ray`].
+    #[inline]
+    pub(crate) fn ray(&self, film: Vec2, size: UVec2) -> Ray {
+        let plane = (film - 0.5 * size.as_vec2()) * self.pixel_angle(size);
+        Ray::new(self.eye, (self.forward + self.right * plane.x - self.up * plane.y).normalize())
+    }
+
+    /// See [`Camera::pixel_angle`].
+    #[inline]
+    pub(crate) fn pixel_angle(&self, size: UVec2) -> f32 {
+        self.height / size.as_vec2().y
     }
 }

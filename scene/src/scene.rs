@@ -7,6 +7,7 @@ use freeform::Solid;
 use glam::{UVec2, Vec2, Vec3, Vec3A};
 
 use crate::bvh::Bvh;
+use crate::camera::View;
 use crate::check;
 use crate::form::Form;
 use crate::holes::{behind, ray_hash};
@@ -33,6 +34,7 @@ pub struct Scene {
     textures: Vec<Arc<Texture>>,
     lights: Lights,
     camera: Camera,
+    view: View,
     /// The transparent bodies in which the eye lies.
     eye_media: Media,
     bounds: Aabb,
@@ -90,6 +92,7 @@ impl Scene {
             textures,
             lights,
             camera,
+            view: View::new(&camera),
             eye_media: Media::NONE,
             bounds,
             features,
@@ -373,7 +376,22 @@ impl Scene {
     #[inline]
     #[must_use]
     pub fn camera_ray(&self, film: Vec2, size: UVec2) -> Ray {
-        Ray { media: self.eye_media, ..self.camera.ray(film, size) }
+        Ray { media: self.eye_media, ..self.view.ray(film, size) }
+    }
+
+    /// Returns the angle of one pixel of a picture of this size, as [`Camera::pixel_angle`] of the scene's camera.
+    ///
+    /// ```
+    /// # use scene::{Description, Scene, glam::UVec2};
+    /// let scene = Scene::new(Description::default())?;
+    /// let size = UVec2::new(640, 360);
+    /// assert_eq!(scene.pixel_angle(size), scene.camera().pixel_angle(size));
+    /// # Ok::<(), scene::BuildError>(())
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn pixel_angle(&self, size: UVec2) -> f32 {
+        self.view.pixel_angle(size)
     }
 
     /// Returns the box around all triangles and bounded free forms, metres.

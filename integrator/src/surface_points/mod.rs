@@ -187,7 +187,7 @@ impl<S: Secondary> Primary<'_, S> {
             }
             light.terms.specular += beta * known.specular;
             light.variance += (beta.element_sum() / 3.0).powi(2) * variance;
-            let footprint = length * self.scene.camera().pixel_angle(self.size);
+            let footprint = length * self.scene.pixel_angle(self.size);
             let point = SurfacePoint {
                 pixel: pixel.number,
                 position: pixel.position,
