@@ -17,9 +17,13 @@ pub(crate) struct Lattice<'a> {
 }
 
 impl<'a> Lattice<'a> {
-    /// Arranges the points of a band of `pixels`, row by row of `width`. They stay where they are: to move them is to
-    /// hold all of them twice.
+    /// Arranges the points of a band of `pixels`, row by row of `width`, each of which knows its number. They stay where
+    /// they are.
+    ///
+    /// # Panics
+    /// If the last row is not full.
     pub(crate) fn new(width: usize, pixels: &'a [PixelPoints]) -> Self {
+        assert!(pixels.len().is_multiple_of(width), "whole rows");
         let mut points = Vec::with_capacity(pixels.len());
         let mut starts = Vec::with_capacity(pixels.len() + 1);
         for pixel in pixels {

@@ -54,6 +54,8 @@ fn whatever_is_framed_has_rays() {
         let scene = Scene::new(description).unwrap();
         let ray = scene.camera_ray(Vec2::splat(5.0), UVec2::splat(10));
         assert!((ray.direction.length() - 1.0).abs() < 1e-3, "scene {i}: {ray:?}");
+        let of_camera = scene.camera().ray(Vec2::splat(5.0), UVec2::splat(10));
+        assert_eq!((ray.origin, ray.direction), (of_camera.origin, of_camera.direction), "scene {i}");
     }
 }
 

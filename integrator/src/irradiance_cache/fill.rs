@@ -91,7 +91,7 @@ pub(crate) fn fill<S: Secondary>(
         }
     };
     let index = &*index;
-    let is_long = |&number: &usize| values[number].is_none() && is_long(points[number], &told[number]);
+    let is_long = |&number: &usize| values[number].is_none() && is_long(term, points[number], &told[number]);
     let long: Vec<usize> = (0..points.len()).into_par_iter().filter(is_long).collect();
     counts.rays.hole += 2 * long.len() as u64;
     let is_wide = |&number: &usize| is_wide(term, points[number], &places[number], index);
@@ -144,16 +144,18 @@ fn is_beyond_records<S: Secondary>(point: &SurfacePoint, term: &IndirectTerm<'_,
 }
 
 /// Whether a point that is seen directly may be longer than some record around it tells of, or no record is around it.
-fn is_long(point: &SurfacePoint, middle: &Told) -> bool {
+fn is_long<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middle: &Told) -> bool {
     /// Records on the lit side of a rim reach so much farther than its pixels go on into the dark, whose few samples
     /// may lie close together besides. Plain relMSE of `cornell-box` at quality 0.3 was 1.7 times robust with 3, 2.2
     /// times with 1, for a hundredth more rays, and 1.5 times with 5, the reference's own not subtracted.
     const REACH: f32 = 3.0;
     let half = point.half_length();
-    // Shorter ones are within the least reach of any record.
+    // A record that reaches as little as any may would reach less far still if it could.
+    let longest = (REACH * half).max(term.plan.records.min_reach(point.footprint));
+    // Shorter ones are within the reach of nearly any record.
     point.chain == 0
         && half > MIN_IRRADIANCE_PIXELS * point.footprint
-        && middle.least_reach.is_none_or(|reach| reach <= REACH * half)
+        && middle.least_reach.is_none_or(|reach| reach <= longest)
 }
 
 /// Whether records cannot tell the light on all of a long point: it is in a gap in part, what they tell of its middle

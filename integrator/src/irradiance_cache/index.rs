@@ -29,7 +29,7 @@ pub(crate) struct Told {
     /// The light, as all records tell that reach the place, weighted by how near they are: mean radiance of what stands
     /// at a distance, and of the soft sky. `None` where there is none.
     pub(crate) light: Option<[Vec3; 2]>,
-    /// How far that record reaches which reaches least, of those around, metres; `None` where there is none.
+    /// The shortest reach of the records around, metres; `None` where there is none.
     pub(crate) least_reach: Option<f32>,
 }
 
@@ -218,7 +218,9 @@ mod tests {
                 let weights: Vec<f32> = distances.clone().map(|distance| (1.0 - distance).max(0.0)).collect();
                 let total: f32 = weights.iter().sum();
                 let naive: f32 = weights.iter().zip(&records).map(|(w, r)| w * r.light(p, n)[0].x).sum::<f32>() / total;
-                let found = index.look_up(&place).light;
+                let Told { light: found, least_reach } = index.look_up(&place);
+                let around = records.iter().filter(|r| r.centre().distance(p) <= r.reach() && n.dot(r.normal()) >= MIN_NORMAL_COS);
+                prop_assert_eq!(least_reach, around.map(Record::least_reach).reduce(f32::min));
                 prop_assert_eq!(found.is_some(), total > 0.0);
                 if let Some([near, _]) = found {
                     // The sums run in another order: rounding of f32.

@@ -27,7 +27,7 @@ use crate::sky::luminance;
 pub(crate) struct RecordRules {
     /// Error that the record may sum to, relative to its irradiance, square metres.
     pub(crate) total_error: f32,
-    /// Smallest radius.
+    /// Smallest radius; nearer things count as if they were so far away.
     pub(crate) min_radius: f32,
     /// Radius where light comes by highlights, which is smaller.
     pub(crate) highlight_radius: f32,
@@ -56,7 +56,7 @@ pub(crate) struct Record {
     translation: [Gradient; 2],
     rotation: [Gradient; 2],
     /// Turns an offset into its parts along the half axes and over the tangent plane, in units of the reach along each.
-    reach: Mat3A,
+    to_reaches: Mat3A,
     /// Half axes, the smaller first.
     radii: [f32; 2],
     /// The height of the lowest thing overhead.
@@ -165,13 +165,13 @@ impl Record {
         let Derivatives { translation, rotation, .. } = derivatives.filter(|_| rules.gradients).unwrap_or_default();
         let along = |axis: Vec2, radius: f32| (frame.s * axis.x + frame.t * axis.y) / radius;
         let height = frame.n * (HEIGHT_FACTOR / first);
-        let reach = Mat3A::from_cols(along(axis, first), along(axis.perp(), second), height).transpose();
+        let to_reaches = Mat3A::from_cols(along(axis, first), along(axis.perp(), second), height).transpose();
         let guards = if rules.walls { guards(samples, &directions, &frame, second) } else { Vec::new() };
         let heights = directions.iter().zip(&samples.distance).filter(|(wi, _)| wi.z > OVERHEAD_COS);
         // Nothing is in a gap of a record without height.
         let clearance =
             if rules.gaps { heights.map(|(wi, distance)| wi.z * distance).fold(f32::INFINITY, f32::min) } else { 0.0 };
-        Self { centre, frame, mean, translation, rotation, reach, radii: [first, second], clearance, guards }
+        Self { centre, frame, mean, translation, rotation, to_reaches, radii: [first, second], clearance, guards }
     }
 
     /// Reaches no farther than so many metres where it reaches least, and less in proportion elsewhere.
@@ -179,7 +179,7 @@ impl Record {
         if least < self.radii[0] {
             let share = least / self.radii[0];
             self.radii = self.radii.map(|radius| share * radius);
-            self.reach *= 1.0 / share;
+            self.to_reaches *= 1.0 / share;
         }
     }
 
@@ -216,12 +216,13 @@ impl Record {
             return f32::INFINITY;
         }
         let offset = p - self.centre;
-        let parts = self.reach * offset;
+        let parts = self.to_reaches * offset;
         let turn = (1.0 - cos).max(0.0) / (1.0 - MIN_NORMAL_COS);
         let distance_sq = parts.length_squared() + turn;
         let steep = (parts.z.abs() - STEEP_SLACK) * self.radii[0] > offset.length();
         let is_in_gap = clearance < (GAP * self.clearance).min(offset.length());
-        if distance_sq >= 1.0 || steep || is_in_gap {
+        let is_within = distance_sq < 1.0;
+        if !is_within || steep || is_in_gap {
             return f32::INFINITY;
         }
         let front = self.guards.iter().map(|guard| 1.0 + guard.normal.dot(offset)).fold(f32::INFINITY, f32::min);

@@ -34,8 +34,8 @@ pub(crate) struct RecordPlan {
     pub(crate) gaps: bool,
     /// How far any record reaches, as a share of the scene, and of what the picture shows there.
     max_share: f32,
-    /// How far one of irradiance reaches at least, as a share of what the picture shows there: by the fourth root of the
-    /// error that is allowed, as radii do.
+    /// How far one of irradiance reaches at least, unless its light comes by highlights or neighbours limit it, as a share
+    /// of what the picture shows there: by the fourth root of the error that is allowed, as radii do.
     min_share: f32,
     /// How far one of irradiance reaches by the Hessian at most, as a share of the harmonic mean distance. In corners
     /// that limits nearly all of them: it rises with the error that is allowed as radii do, by the fourth root.
@@ -59,11 +59,12 @@ const GATHER_RESOLUTION: f32 = 16.0;
 /// Records reach at least so many pixels for each time that their side is longer than that of a look: what reaches less
 /// serves fewer points than could be gathered for its rays.
 const MIN_PIXELS: f32 = 1.0;
-/// Records of irradiance reach at least so many pixels, and at quality 1 this share of what the picture shows there: in
-/// corners, where less would be right, many would serve few pixels each.
+/// Records of irradiance reach at least so many pixels.
 pub(crate) const MIN_IRRADIANCE_PIXELS: f32 = 1.5;
+/// And at least this share of what the picture shows there, at quality 1: in corners and on reliefs, where less would be
+/// right, most would serve few pixels each. With half as much again sponza lost half a percent at quality 0.1.
 const MIN_SHARE: f32 = 1.0 / 128.0;
-/// And at most this share of the scene, and of what the picture shows of it there: farther than that, things that a
+/// All reach at most this share of the scene, and of what the picture shows of it there: farther than that, things that a
 /// gather has missed come between, and a record far out on a wide floor has no texel for the bodies of a close-up.
 const MAX_SHARE: f32 = 0.25;
 /// Error of records of irradiance at quality 1, and how many times as much lets them reach past the harmonic mean
@@ -201,9 +202,11 @@ impl RecordPlan {
         }
     }
 
-    /// The least that any record of irradiance reaches there, metres, above 0.
+    /// The least that records of irradiance reach there, but those by highlights, before neighbours limit them; metres,
+    /// above 0.
     pub(crate) fn min_reach(&self, footprint: f32) -> f32 {
-        Self::highlight_reach(footprint).max(self.min_share * self.picture_width(footprint))
+        let share = self.min_share * self.picture_width(footprint);
+        Self::highlight_reach(footprint).max(share.min(self.max_reach(footprint)))
     }
 
     /// The reach of those of irradiance by highlights, which are elsewhere for each point, metres, above 0.
@@ -222,6 +225,7 @@ impl RecordPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::secondary::tests::lamp_over_metal;
     use glam::UVec2;
     use scene::Description;
 
@@ -266,10 +270,11 @@ mod tests {
 
     #[test]
     fn the_least_reach_is_a_share_of_the_picture_and_some_pixels() {
-        let scene = Scene::new(Description::default()).unwrap();
+        let scene = lamp_over_metal(0.1);
+        const PIXEL: f32 = 1.0 / 1024.0;
         let least = |quality, size| {
             let settings = Settings { quality, size: UVec2::splat(size), ..Settings::default() };
-            RecordPlan::new(&scene, &settings).min_reach(0.01) / 0.01
+            RecordPlan::new(&scene, &settings).min_reach(PIXEL) / PIXEL
         };
         assert_eq!(
             [(1.0, 256), (1.0, 1024), (0.0625, 256)].map(|(quality, size)| least(quality, size)),
