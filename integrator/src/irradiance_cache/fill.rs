@@ -13,7 +13,7 @@ use super::index::{Index, Told};
 use super::record::Place;
 use crate::explain::{IrradianceFacts, Step};
 use crate::lattice::{Lattice, STRIDES};
-use crate::plan::MIN_IRRADIANCE_PIXELS;
+use crate::plan::RecordPlan;
 use crate::rungs::Rung;
 use crate::secondary::Secondary;
 use crate::sky::luminance;
@@ -154,7 +154,7 @@ fn is_long<S: Secondary>(term: &IndirectTerm<'_, S>, point: &SurfacePoint, middl
     let longest = (REACH * half).max(term.plan.records.min_reach(point.footprint));
     // Shorter ones are within the reach of nearly any record.
     point.chain == 0
-        && half > MIN_IRRADIANCE_PIXELS * point.footprint
+        && half > RecordPlan::shortest_reach(point.footprint)
         && middle.least_reach.is_none_or(|reach| reach <= longest)
 }
 

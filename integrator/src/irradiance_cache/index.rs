@@ -99,10 +99,9 @@ impl Index {
         let mut sum = [Vec3::ZERO; 2];
         let mut total = 0.0;
         let mut least_reach: Option<f32> = None;
-        for record in self.near(place, 1.0) {
+        for (record, weight) in self.weighed(place) {
             let reach = record.least_reach();
             least_reach = Some(least_reach.map_or(reach, |least| least.min(reach)));
-            let weight = 1.0 - record.distance(place);
             if weight > 0.0 {
                 let light = record.light(place.p, place.n);
                 total += weight;
@@ -116,7 +115,8 @@ impl Index {
 
     /// The records by which [`Self::look_up`] finds the light at a place, those that weigh most first.
     pub(crate) fn facts(&self, place: &Place) -> Vec<IrradianceFacts> {
-        let total: f32 = self.reaching(place).map(|(_, weight)| weight).sum();
+        let reaching: Vec<(&Record, f32)> = self.weighed(place).filter(|(_, weight)| *weight > 0.0).collect();
+        let total: f32 = reaching.iter().map(|(_, weight)| weight).sum();
         let fact = |(record, weight): (&Record, f32)| IrradianceFacts {
             centre: record.centre(),
             distance: record.centre().distance(place.p),
@@ -124,17 +124,14 @@ impl Index {
             share: weight / total,
             radiance: record.light(place.p, place.n).into_iter().sum(),
         };
-        let mut facts: Vec<IrradianceFacts> = self.reaching(place).map(fact).collect();
+        let mut facts: Vec<IrradianceFacts> = reaching.into_iter().map(fact).collect();
         facts.sort_by(|a, b| b.share.total_cmp(&a.share));
         facts
     }
 
-    /// The records that reach a place, and what they weigh there.
-    fn reaching(&self, place: &Place) -> impl Iterator<Item = (&Record, f32)> {
-        self.near(place, 1.0).filter_map(|record| {
-            let distance = record.distance(place);
-            (distance < 1.0).then_some((record, 1.0 - distance))
-        })
+    /// The records around a place, and what they weigh there: more than 0 if they reach it.
+    fn weighed(&self, place: &Place) -> impl Iterator<Item = (&Record, f32)> {
+        self.near(place, 1.0).map(|record| (record, 1.0 - record.distance(place)))
     }
 
     /// All records in the order in which they were entered.

@@ -55,7 +55,7 @@ impl<'a> Recorder<'a> {
         RecordRules {
             total_error: error * width * width,
             min_radius,
-            highlight_radius: RecordPlan::highlight_reach(footprint),
+            highlight_radius: RecordPlan::shortest_reach(footprint),
             max_radius: plan.max_reach(footprint).max(min_radius),
             max_share_of_distance: plan.max_share_of_distance,
             by_hessian: plan.by_hessian,

@@ -9,7 +9,7 @@ use scene::Scene;
 
 pub(crate) use self::lobes::LobePlan;
 pub(crate) use self::photons::{CausticBudget, PhotonPlan};
-pub(crate) use self::records::{MIN_IRRADIANCE_PIXELS, RecordPlan};
+pub(crate) use self::records::RecordPlan;
 pub(crate) use self::samples::SamplePlan;
 use crate::{SecondaryKind, Settings};
 

@@ -60,7 +60,7 @@ const GATHER_RESOLUTION: f32 = 16.0;
 /// serves fewer points than could be gathered for its rays.
 const MIN_PIXELS: f32 = 1.0;
 /// Records of irradiance reach at least so many pixels.
-pub(crate) const MIN_IRRADIANCE_PIXELS: f32 = 1.5;
+const MIN_IRRADIANCE_PIXELS: f32 = 1.5;
 /// And at least this share of what the picture shows there, at quality 1: in corners and on reliefs, where less would be
 /// right, most would serve few pixels each. With half as much again sponza lost half a percent at quality 0.1.
 const MIN_SHARE: f32 = 1.0 / 128.0;
@@ -206,11 +206,11 @@ impl RecordPlan {
     /// above 0.
     pub(crate) fn min_reach(&self, footprint: f32) -> f32 {
         let share = self.min_share * self.picture_width(footprint);
-        Self::highlight_reach(footprint).max(share.min(self.max_reach(footprint)))
+        Self::shortest_reach(footprint).max(share.min(self.max_reach(footprint)))
     }
 
-    /// The reach of those of irradiance by highlights, which are elsewhere for each point, metres, above 0.
-    pub(crate) fn highlight_reach(footprint: f32) -> f32 {
+    /// The reach of those by highlights, which are elsewhere for each point: none reaches less by itself; metres, above 0.
+    pub(crate) fn shortest_reach(footprint: f32) -> f32 {
         /// A camera whose pixels are points still needs records that reach themselves.
         const SHORTEST: f32 = 1e-30;
         (MIN_IRRADIANCE_PIXELS * footprint).max(SHORTEST)
