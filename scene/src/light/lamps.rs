@@ -1,6 +1,6 @@
 //! Lamps as their choice sees them: side by side, so that several are looked at in the time of one.
 
-use fearless_simd::{Level, dispatch};
+use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, dispatch, f32x8};
 use glam::Vec3A;
 
 use super::tree::{Emitter, Node, Shape};
@@ -71,12 +71,11 @@ impl Lamps {
     /// Returns the irradiance that the groups of each block may bring to `p` together, summed over the channels.
     #[inline]
     pub(super) fn irradiance(&self, p: Vec3A) -> [f32; MOST_BLOCKS] {
-        // Plain loops, which the compiler writes in the widest instructions that there are.
-        dispatch!(self.level, _simd => {
+        dispatch!(self.level, simd => {
             let mut sums = [0.0; MOST_BLOCKS];
             let (of_single, of_branches) = sums.split_at_mut(self.single.len());
             for (sum, block) in of_single.iter_mut().zip(&self.single) {
-                *sum = sum_of(block.irradiance(p));
+                *sum = sum_of(block.irradiance(simd, p));
             }
             for (sum, block) in of_branches.iter_mut().zip(&self.branches) {
                 *sum = sum_of(block.irradiance(p));
@@ -88,8 +87,8 @@ impl Lamps {
     /// Returns the irradiance that each group of a block may bring to `p`.
     #[inline]
     pub(super) fn irradiance_of(&self, block: usize, p: Vec3A) -> Lanes {
-        dispatch!(self.level, _simd => match self.single.get(block) {
-            Some(lamps) => lamps.irradiance(p),
+        dispatch!(self.level, simd => match self.single.get(block) {
+            Some(lamps) => lamps.irradiance(simd, p),
             None => self.branches[block - self.single.len()].irradiance(p),
         })
     }
@@ -140,19 +139,20 @@ impl Block<Single> {
 
     /// Returns the irradiance that each may bring to `p`.
     #[inline(always)]
-    fn irradiance(&self, p: Vec3A) -> Lanes {
+    fn irradiance<S: Simd>(&self, simd: S, p: Vec3A) -> Lanes {
         let Single { normal, lift, intensity, softening } = &self.like;
-        std::array::from_fn(|i| {
-            let [x, y, z] = self.offset(p, i);
-            let height = x * normal[0][i] + y * normal[1][i] + z * normal[2][i];
-            let distance_sq = x * x + y * y + z * z + f32::MIN_POSITIVE;
-            let distance = distance_sq.sqrt();
-            let lifted = (height + lift[i]).min(distance);
-            let irradiance = intensity[i] * lifted / (distance * (distance_sq + softening[i]));
-            // There is no bound at a point light itself.
-            let is_lit = height > 0.0 || lift[i] == f32::INFINITY;
-            if is_lit && irradiance < f32::MAX { irradiance } else { 0.0 }
-        })
+        let lanes = |values: &Lanes| f32x8::load_array_ref(simd, values);
+        let offset = |axis: usize| f32x8::splat(simd, p[axis]) - lanes(&self.centre[axis]);
+        let [x, y, z] = [offset(0), offset(1), offset(2)];
+        let height = x * lanes(&normal[0]) + y * lanes(&normal[1]) + z * lanes(&normal[2]);
+        let distance_sq = x * x + y * y + z * z + f32::MIN_POSITIVE;
+        let distance = distance_sq.sqrt();
+        let lift = lanes(lift);
+        let lifted = (height + lift).min(distance);
+        let irradiance = lanes(intensity) * lifted / (distance * (distance_sq + lanes(softening)));
+        // There is no bound at a point light itself.
+        let is_lit = height.simd_gt(0.0) | lift.simd_eq(f32::INFINITY);
+        (is_lit & irradiance.simd_lt(f32::MAX)).select(irradiance, f32x8::splat(simd, 0.0)).to_array()
     }
 }
 
