@@ -25,6 +25,7 @@ mod rungs;
 mod sampler;
 mod secondary;
 mod settings;
+mod shadows;
 mod sky;
 mod statistics;
 mod study;

@@ -5,6 +5,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use hemimap::Frame;
 use scene::{Bsdf, LightChoice, LightDirection, LightSample, Lights, Lobes, Ray, Scene, SeenLights, Specular, Surface};
 
+use crate::shadows::{Plane, is_hidden};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::{Glint, Irradiance};
@@ -180,6 +181,7 @@ pub(crate) struct DirectLight<'a> {
     lobes: Lobes,
     ways: LightWays<'a>,
     lights: SeenLights<'a>,
+    plane: Option<&'a mut Plane>,
 }
 
 impl<'a> DirectLight<'a> {
@@ -187,7 +189,21 @@ impl<'a> DirectLight<'a> {
         let Surface { p, n, .. } = shading.surface;
         let lights = lights_of(scene, shading, ways.sky);
         let lights = lights.seen_by(p, n, ways.choice);
-        Self { scene, shading, lobes, ways, lights }
+        Self { scene, shading, lobes, ways, lights, plane: None }
+    }
+
+    /// Tells in which plane the surface lies.
+    pub(crate) fn on(self, plane: Option<&'a mut Plane>) -> Self {
+        Self { plane, ..self }
+    }
+
+    /// Returns the light of an only lamp in closed form, if it is known.
+    #[inline]
+    pub(crate) fn exact(&self) -> Option<Vec3> {
+        let Self { scene, shading: Shading { surface, bsdf, .. }, lobes, plane, .. } = self;
+        debug_assert!(lobes.contains(Lobes::DIFFUSE), "that is what has a closed form");
+        let plane = plane.as_ref().filter(|_| !bsdf.has_glossy())?;
+        Some(bsdf.diffuse * (plane.irradiance(scene, surface)? * std::f32::consts::FRAC_1_PI))
     }
 
     /// Takes one sample.
@@ -210,8 +226,8 @@ impl<'a> DirectLight<'a> {
             (light, wi, None)
         };
         let surface = &self.shading.surface;
-        rays.shadow += 1;
-        if self.scene.occluded(&surface.shadow_ray(light.wi(), light.distance())) {
+        let plane = self.plane.as_deref_mut();
+        if is_hidden(self.scene, surface, &light, plane, rays) {
             return Some((wi, Vec3::ZERO));
         }
         let value = value.unwrap_or_else(|| self.value(&light, wi));

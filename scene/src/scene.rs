@@ -13,6 +13,7 @@ use crate::form::Form;
 use crate::holes::{behind, ray_hash};
 use crate::media::MediumTable;
 use crate::primitives::{boxes, form_lights, primitives, triangle_lights};
+use crate::shaft::Shaft;
 use crate::surface::ShapePoint;
 use crate::triangles::Triangles;
 use crate::{
@@ -196,6 +197,15 @@ impl Scene {
             || (!self.unbounded.is_empty()
                 && ray.is_valid()
                 && self.unbounded.iter().any(|&form| self.meet_form(self.form_primitive(form), ray, keep).is_some()))
+    }
+
+    /// Whether nothing is within a shaft, as far as a quick search can tell.
+    pub(crate) fn is_empty_within(&self, shaft: &Shaft) -> bool {
+        let misses = |form: u32| {
+            let bounds = self.forms[form as usize - self.triangles.len()].bounds;
+            bounds.is_some_and(|bounds| shaft.misses(&bounds))
+        };
+        self.unbounded.is_empty() && self.bvh.is_clear(shaft, misses)
     }
 
     /// Returns the point that a ray met.

@@ -12,13 +12,14 @@ use crate::film::{FirstHit, PixelSum, Terms, guide_albedo};
 use crate::plan::Plan;
 use crate::sampler::{Sampler, hash_pair};
 use crate::secondary::{Secondary, Shading};
+use crate::shadows::Shadows;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
 use crate::terms::guide::LobeGuide;
 use crate::terms::light_guide::LightGuide;
 
-use point::{CausticLooks, Spread, off_seams};
+use point::{PointSample, off_seams};
 pub(crate) use point::{SurfacePoint, same_surface};
 
 /// What the primary rays of one pixel found.
@@ -59,12 +60,13 @@ struct Branch {
 }
 
 /// A pixel that is traced.
-struct Pixel {
+struct Pixel<'a> {
     position: UVec2,
     /// Its number in the band.
     number: u32,
     /// Names it to the generators of random numbers.
     key: u64,
+    shadows: Option<Shadows<'a>>,
 }
 
 /// A primary sample that is traced.
@@ -121,7 +123,8 @@ impl<S: Secondary> Primary<'_, S> {
     /// `samples`: adds its light that needs no cache, and its surface points.
     pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
-        let pixel = Pixel { position, number: pixel, key };
+        let shadows = Shadows::new(self.scene, position, self.size);
+        let mut pixel = Pixel { position, number: pixel, key, shadows };
         let mut branches = Vec::new();
         for number in found.samples..samples {
             let mut sampler = Sampler::new(self.seed, key, number);
@@ -143,7 +146,7 @@ impl<S: Secondary> Primary<'_, S> {
             while let Some(branch) = sample.branches.pop() {
                 branch_number += 1;
                 sample.sampler.start_bounce(branch_number);
-                self.step(branch, &pixel, &mut sample, found);
+                self.step(branch, &mut pixel, &mut sample, found);
             }
             let light = sample.light;
             if light.terms.is_finite() {
@@ -157,7 +160,7 @@ impl<S: Secondary> Primary<'_, S> {
     }
 
     /// Follows a branch of a sample to the next surface.
-    fn step(&self, branch: Branch, pixel: &Pixel, sample: &mut Sample<'_>, found: &mut PixelPoints) {
+    fn step(&self, branch: Branch, pixel: &mut Pixel<'_>, sample: &mut Sample<'_>, found: &mut PixelPoints) {
         let Branch { ray, chain, bounces, off_middle, .. } = branch;
         let light = &mut sample.light;
         let Some(hit) = self.scene.intersect(&ray) else {
@@ -167,7 +170,7 @@ impl<S: Secondary> Primary<'_, S> {
         let surface = self.scene.surface(&ray, &hit);
         let beta = branch.beta * self.scene.transmittance(&surface);
         let length = branch.length + surface.t;
-        let shading = Shading::new(self.scene, surface, ray.direction);
+        let mut shading = Shading::new(self.scene, surface, ray.direction);
         let bsdf = &shading.bsdf;
         if bounces == 0 {
             let hit = FirstHit { albedo: guide_albedo(bsdf), normal: surface.n, depth: surface.t };
@@ -178,8 +181,16 @@ impl<S: Secondary> Primary<'_, S> {
             let shares_lobe = bounces == 0 && self.plan.lobes.shares(&shading);
             // What little light comes by, as by reflection in glass, needs few rays.
             let lobe_share = (!shares_lobe).then(|| beta.max_element() / branch.radiance_scale);
-            let (known, variance) =
-                self.direct_term().sample(&shading, pixel.position, lobe_share, &mut sample.sampler, &mut found.rays);
+            let shadows = pixel.shadows.as_mut().filter(|_| bounces == 0);
+            let plane = shadows.and_then(|shadows| shadows.plane(&shading.surface));
+            let (known, variance) = self.direct_term().sample(
+                &shading,
+                pixel.position,
+                lobe_share,
+                plane,
+                &mut sample.sampler,
+                &mut found.rays,
+            );
             if bounces == 0 {
                 light.terms.direct += beta * known.direct;
             } else {
@@ -188,23 +199,24 @@ impl<S: Secondary> Primary<'_, S> {
             light.terms.specular += beta * known.specular;
             light.variance += (beta.element_sum() / 3.0).powi(2) * variance;
             let footprint = length * self.scene.pixel_angle(self.size);
-            let point = SurfacePoint {
-                pixel: pixel.number,
-                position: pixel.position,
-                key: hash_pair(pixel.key, found.points.len() as u64),
-                chain,
-                shading: off_seams(self.scene, shading, &ray, &hit, footprint),
-                off_middle,
-                footprint,
-                diffuse_weight: beta * bsdf.diffuse,
-                specular_weight: beta,
-                lobe_weight: if shares_lobe { beta } else { Vec3::ZERO },
-                caustics: CausticLooks::default(),
-                spread: Spread::default(),
-            };
+            let diffuse_weight = beta * bsdf.diffuse;
+            let lobe_weight = if shares_lobe { beta } else { Vec3::ZERO };
             // Light that the sample itself does not know.
-            light.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
-            let point = point.add_to(&mut found.points, length);
+            light.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { diffuse_weight };
+            let p = shading.surface.p;
+            shading.surface.p = off_seams(self.scene, &shading.surface, &ray, &hit, footprint);
+            let joined = PointSample {
+                shading: &shading,
+                chain,
+                off_middle,
+                length,
+                footprint,
+                diffuse_weight,
+                specular_weight: beta,
+                lobe_weight,
+            };
+            let point = joined.add_to(&mut found.points, (pixel.number, pixel.position, pixel.key));
+            shading.surface.p = p;
             if self.plan.photons.caustic > 0 && bsdf.has_diffuse() {
                 point.look_for_caustics(self.secondary, &shading.surface);
             }

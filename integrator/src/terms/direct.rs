@@ -11,6 +11,7 @@ use crate::follower::{Follower, Reflection};
 use crate::plan::Plan;
 use crate::sampler::Sampler;
 use crate::secondary::{DirectLight, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
+use crate::shadows::Plane;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::guide::{Guide, LobeGuide};
@@ -108,6 +109,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         shading: &Shading,
         position: UVec2,
         lobe_share: Option<f32>,
+        plane: Option<&mut Plane>,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> (Light, f32) {
@@ -115,9 +117,14 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let count = self.plan.samples.light_samples;
         let has_light_choice = self.scene.lights().has_choice();
         let ways = LightWays { count: 1, choice: self.light_choice(shading, position), sky: self.sky };
-        let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways);
+        let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways).on(plane);
         let mut sum_sq = 0.0;
         for mut sampler in sampler.split_into(count) {
+            if let Some(exact) = lights.exact() {
+                light.direct = exact;
+                sum_sq = 0.0;
+                break;
+            }
             // The light and the point on it from one block, so that samples are stratified on each light too.
             let found = lights.sample(sampler.next_4d_for(has_light_choice), rays);
             light.direct += found / count as f32;
@@ -281,7 +288,7 @@ pub(crate) fn guided_way(guide: &Guide, shading: &Shading, sampler: &mut Sampler
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use glam::{UVec2, Vec3, Vec3A};
     use scene::{Description, Material, Mesh, Ray, SpecularKind, fresnel_dielectric};
 
@@ -290,7 +297,7 @@ mod tests {
     use crate::terms::reuse::tests::{mean, variance};
     use crate::{NoSecondary, Settings};
 
-    fn term<'a>(scene: &'a Scene, plan: &'a Plan) -> DirectTerm<'a, NoSecondary> {
+    pub(crate) fn term<'a>(scene: &'a Scene, plan: &'a Plan) -> DirectTerm<'a, NoSecondary> {
         DirectTerm { scene, plan, secondary: &NoSecondary, sky: None, guide: None, light_guide: None }
     }
 
@@ -308,7 +315,7 @@ mod tests {
             let values: Vec<f64> = (0..2000)
                 .map(|pixel| {
                     let mut sampler = Sampler::new(1, pixel, 0);
-                    let (light, _) = term.sample(&shading, UVec2::ZERO, Some(share), &mut sampler, &mut rays);
+                    let (light, _) = term.sample(&shading, UVec2::ZERO, Some(share), None, &mut sampler, &mut rays);
                     f64::from(light.direct.x)
                 })
                 .collect();
@@ -382,7 +389,7 @@ mod tests {
                 .map(|pixel| {
                     let mut sampler = Sampler::new(1, pixel, 0);
                     let (light, _) =
-                        term.sample(&shading, UVec2::ZERO, Some(1.0), &mut sampler, &mut RayCounts::default());
+                        term.sample(&shading, UVec2::ZERO, Some(1.0), None, &mut sampler, &mut RayCounts::default());
                     f64::from(light.direct.x)
                 })
                 .collect();

@@ -290,7 +290,7 @@ mod tests {
             let values: Vec<f64> = (0..4000)
                 .map(|pixel| {
                     let mut sampler = Sampler::new(1, pixel, 0);
-                    f64::from(direct.sample(&shading, position, Some(1.0), &mut sampler, &mut rays).0.direct.x)
+                    f64::from(direct.sample(&shading, position, Some(1.0), None, &mut sampler, &mut rays).0.direct.x)
                 })
                 .collect();
             (mean(&values), variance(&values))

@@ -5,11 +5,12 @@
 //! lanes' instructions are is chosen at run time; the answers are the same bits.
 
 mod build;
+mod clear;
 mod lane_ray;
 mod median;
 mod packet;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod traverse;
 mod widen;
 

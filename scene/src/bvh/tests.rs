@@ -6,10 +6,10 @@ use super::{Bvh, LANES, Node, Primitive};
 use crate::{Hit, Ray};
 
 /// A stream of numbers in [0, 1) (xorshift).
-pub(super) struct Random(pub(super) u32);
+pub(crate) struct Random(pub(crate) u32);
 
 impl Random {
-    pub(super) fn next(&mut self) -> f32 {
+    pub(crate) fn next(&mut self) -> f32 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 17;
         self.0 ^= self.0 << 5;
@@ -21,7 +21,7 @@ impl Random {
         ((self.next() * count as f32) as usize).min(count - 1)
     }
 
-    pub(super) fn vector(&mut self) -> Vec3 {
+    pub(crate) fn vector(&mut self) -> Vec3 {
         Vec3::new(self.next(), self.next(), self.next())
     }
 

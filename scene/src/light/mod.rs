@@ -13,6 +13,7 @@ mod form;
 mod lamps;
 mod learnt;
 mod pattern;
+mod polygon;
 mod punctual;
 mod rectangle;
 mod region;
@@ -21,6 +22,7 @@ mod spherical_rectangle;
 mod target;
 mod tree;
 mod triangle;
+mod unhidden;
 
 use glam::{Vec2, Vec3, Vec3A};
 

@@ -9,6 +9,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, Vec3A};
 
+use super::polygon;
 use super::spherical_rectangle::SphericalRectangle;
 use super::target::Target;
 use super::triangle::{TriangleLight, leave};
@@ -95,9 +96,18 @@ impl RectangleLight {
         self.normal
     }
 
+    /// Returns the corners, counter-clockwise as seen from the front.
+    pub(super) fn corners(&self) -> [Vec3A; 4] {
+        let mut corners = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y].map(|u| self.point(u));
+        if self.axes[0].cross(self.axes[1]).dot(self.normal) < 0.0 {
+            corners.reverse();
+        }
+        corners
+    }
+
     /// Returns the box around it.
     pub(super) fn bounds(&self) -> Aabb {
-        Aabb::of_points(&[Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE].map(|u| Vec3::from(self.point(u))))
+        Aabb::of_points(&self.corners().map(Vec3::from))
     }
 
     /// Returns the point at a share of each edge.
@@ -112,6 +122,20 @@ impl RectangleLight {
     pub(super) fn seen_from(&self, p: Vec3A) -> Option<SeenRectangle<'_>> {
         let is_front = self.normal.dot(p - self.corner) > self.clearance;
         is_front.then(|| SeenRectangle { light: self, p, near: self.near(p) })
+    }
+
+    /// Returns the irradiance of a surface at `p` with normal `n` where nothing hides any of the lamp, W m^-2; `None` if
+    /// that is not above the horizon as a whole or too small, and from behind.
+    #[inline]
+    pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Option<Vec3> {
+        if self.normal.dot(p - self.corner) <= self.clearance {
+            return None;
+        }
+        let corner = self.corner.as_dvec3() - p.as_dvec3();
+        let [x, y] = self.axes.map(Vec3A::as_dvec3);
+        let (x, y) = (x * f64::from(self.lengths.x), y * f64::from(self.lengths.y));
+        let irradiance = polygon::irradiance(n, [corner, corner + x, corner + x + y, corner + y])?;
+        Some(self.radiance * irradiance)
     }
 
     /// Returns the density of a direction in which a ray from `p` met this rectangle at `surface`, per steradian.

@@ -173,7 +173,7 @@ impl<'a> SeenLights<'a> {
             }
             SeenLight::Dark => None,
         }?;
-        Some(LightDirection { sample, surroundings })
+        Some(LightDirection { sample, light, surroundings })
     }
 }
 
@@ -183,10 +183,18 @@ impl<'a> SeenLights<'a> {
 pub struct LightDirection<'a> {
     /// Of surroundings only the direction is known, and in the place of the density the probability of their choice.
     sample: LightSample,
+    light: usize,
     surroundings: Option<&'a EnvironmentLight>,
 }
 
 impl LightDirection<'_> {
+    /// Returns which light it is, below [`Lights::count`].
+    #[inline]
+    #[must_use]
+    pub fn light(&self) -> usize {
+        self.light
+    }
+
     /// Returns the unit direction from the point to the light.
     #[inline]
     #[must_use]

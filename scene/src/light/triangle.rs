@@ -13,6 +13,7 @@ use std::f32::consts::PI;
 use glam::{DVec3, Vec2, Vec3, Vec3A, swizzles::Vec3Swizzles};
 
 use super::pattern::Pattern;
+use super::polygon;
 use super::target::{Sphere, Target};
 use super::{Emission, LightSample, is_over_horizon, narrow, pdf_by_area};
 use crate::{Ray, Surface, surface};
@@ -101,6 +102,17 @@ impl TriangleLight {
     #[inline]
     fn is_seen_from(&self, p: Vec3A) -> bool {
         self.normal.dot(p - Vec3A::from(self.corners[0])) > self.clearance
+    }
+
+    /// Returns the irradiance of a surface at `p` with normal `n` where nothing hides any of the lamp, W m^-2; `None` if
+    /// that is not above the horizon as a whole or too small, from behind, and where there is a pattern.
+    #[inline]
+    pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Option<Vec3> {
+        if self.pattern.is_some() || !self.is_seen_from(p) {
+            return None;
+        }
+        let irradiance = polygon::irradiance(n, self.corners.map(|corner| corner.as_dvec3() - p.as_dvec3()))?;
+        Some(self.radiance * irradiance)
     }
 
     /// Returns the density of a direction in which a ray from `p` met this triangle at `surface`, per steradian.
