@@ -12,7 +12,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 32] = [
+const SWITCHES: [(&str, &str); 33] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -40,6 +40,7 @@ const SWITCHES: [(&str, &str); 32] = [
     ("highlights=off", "highlights taken from records"),
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
+    ("clear-lights=off", "shadow rays to lights that nothing hides, too"),
     ("gather-guide=off", "gathers look everywhere alike"),
     ("lobe-guide=off", "lobes alone choose where gloss looks"),
     ("lobe-reuse=off", "each primary sample traces its own lobe"),

@@ -71,6 +71,8 @@ pub struct Study {
     pub limit: Option<bool>,
     /// Whether texels of a gather between bright and dark, and at the rim of the sky, are divided.
     pub divide: Option<bool>,
+    /// Whether pixels ask which lights nothing hides, and trace no shadow rays to these.
+    pub clear_lights: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
     /// Whether the last texel inside a silhouette that retreats is unknown.
@@ -105,7 +107,7 @@ const fn switch(place: fn(&mut Study) -> &mut Option<bool>) -> Kind {
 }
 
 /// All settings, by the names that the command line writes.
-const SETTINGS: [(&str, Kind); 32] = [
+const SETTINGS: [(&str, Kind); 33] = [
     ("resolution", Whole(|study| &mut study.resolution, 1, 64)),
     ("spacing", Real(|study| &mut study.spacing, 0.001, 10.0)),
     ("error", Real(|study| &mut study.error, 1e-9, 1.0)),
@@ -117,6 +119,7 @@ const SETTINGS: [(&str, Kind); 32] = [
     ("verify", Whole(|study| &mut study.verify, 0, 8)),
     ("light-samples", Whole(|study| &mut study.light_samples, 1, 1024)),
     ("light-guide", switch(|study| &mut study.light_guide)),
+    ("clear-lights", switch(|study| &mut study.clear_lights)),
     ("gather-guide", switch(|study| &mut study.gather_guide)),
     ("lobe-rays", Whole(|study| &mut study.lobe_rays, 1, 1024)),
     ("lobe-guide", switch(|study| &mut study.lobe_guide)),

@@ -17,6 +17,8 @@ pub(crate) struct SamplePlan {
     /// Primary rays along a side of the picture by which is learnt which lights reach what it shows; 0 where there is
     /// one at most.
     pub(crate) light_learners: u32,
+    /// Whether pixels ask which lights nothing hides.
+    pub(crate) clear_lights: bool,
 }
 
 /// From so many lights on, more of them are sampled.
@@ -37,7 +39,9 @@ impl SamplePlan {
         });
         let (first_spp, budget) = primary_samples(settings, light_count >= MANY_LIGHTS);
         let is_learnt = light_count > 1 && settings.study.light_guide != Some(false);
-        Self { first_spp, budget, light_samples, light_learners: if is_learnt { learners(settings) } else { 0 } }
+        let light_learners = if is_learnt { learners(settings) } else { 0 };
+        let clear_lights = settings.study.clear_lights != Some(false);
+        Self { first_spp, budget, light_samples, light_learners, clear_lights }
     }
 }
 

@@ -123,7 +123,8 @@ impl<S: Secondary> Primary<'_, S> {
     /// `samples`: adds its light that needs no cache, and its surface points.
     pub(crate) fn trace(&self, position: UVec2, pixel: u32, samples: u32, found: &mut PixelPoints) {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
-        let shadows = Shadows::new(self.scene, position, self.size);
+        let asks = self.plan.samples.clear_lights;
+        let shadows = asks.then(|| Shadows::new(self.scene, position, self.size)).flatten();
         let mut pixel = Pixel { position, number: pixel, key, shadows };
         let mut branches = Vec::new();
         for number in found.samples..samples {
