@@ -120,15 +120,19 @@ impl RectangleLight {
     /// Returns the rectangle as `p` sees it; `None` from behind.
     #[inline]
     pub(super) fn seen_from(&self, p: Vec3A) -> Option<SeenRectangle<'_>> {
-        let is_front = self.normal.dot(p - self.corner) > self.clearance;
-        is_front.then(|| SeenRectangle { light: self, p, near: self.near(p) })
+        self.is_seen_from(p).then(|| SeenRectangle { light: self, p, near: self.near(p) })
+    }
+
+    #[inline]
+    fn is_seen_from(&self, p: Vec3A) -> bool {
+        self.normal.dot(p - self.corner) > self.clearance
     }
 
     /// Returns the irradiance of a surface at `p` with normal `n` where nothing hides any of the lamp, W m^-2; `None` if
     /// that is not above the horizon as a whole or too small, and from behind.
     #[inline]
     pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Option<Vec3> {
-        if self.normal.dot(p - self.corner) <= self.clearance {
+        if !self.is_seen_from(p) {
             return None;
         }
         let corner = self.corner.as_dvec3() - p.as_dvec3();
