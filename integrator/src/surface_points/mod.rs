@@ -19,7 +19,7 @@ use crate::terms::direct::DirectTerm;
 use crate::terms::guide::LobeGuide;
 use crate::terms::light_guide::LightGuide;
 
-use point::{PointSample, off_seams};
+use point::{CausticLooks, Spread, off_seams};
 pub(crate) use point::{SurfacePoint, same_surface};
 
 /// What the primary rays of one pixel found.
@@ -171,7 +171,7 @@ impl<S: Secondary> Primary<'_, S> {
         let surface = self.scene.surface(&ray, &hit);
         let beta = branch.beta * self.scene.transmittance(&surface);
         let length = branch.length + surface.t;
-        let mut shading = Shading::new(self.scene, surface, ray.direction);
+        let shading = Shading::new(self.scene, surface, ray.direction);
         let bsdf = &shading.bsdf;
         if bounces == 0 {
             let hit = FirstHit { albedo: guide_albedo(bsdf), normal: surface.n, depth: surface.t };
@@ -200,24 +200,23 @@ impl<S: Secondary> Primary<'_, S> {
             light.terms.specular += beta * known.specular;
             light.variance += (beta.element_sum() / 3.0).powi(2) * variance;
             let footprint = length * self.scene.pixel_angle(self.size);
-            let diffuse_weight = beta * bsdf.diffuse;
-            let lobe_weight = if shares_lobe { beta } else { Vec3::ZERO };
-            // Light that the sample itself does not know.
-            light.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { diffuse_weight };
-            let p = shading.surface.p;
-            shading.surface.p = off_seams(self.scene, &shading.surface, &ray, &hit, footprint);
-            let joined = PointSample {
-                shading: &shading,
+            let point = SurfacePoint {
+                pixel: pixel.number,
+                position: pixel.position,
+                key: hash_pair(pixel.key, found.points.len() as u64),
                 chain,
+                shading: off_seams(self.scene, shading, &ray, &hit, footprint),
                 off_middle,
-                length,
                 footprint,
-                diffuse_weight,
+                diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
-                lobe_weight,
+                lobe_weight: if shares_lobe { beta } else { Vec3::ZERO },
+                caustics: CausticLooks::default(),
+                spread: Spread::default(),
             };
-            let point = joined.add_to(&mut found.points, (pixel.number, pixel.position, pixel.key));
-            shading.surface.p = p;
+            // Light that the sample itself does not know.
+            light.diffuse += if shares_lobe { beta * guide_albedo(bsdf) } else { point.diffuse_weight };
+            let point = point.add_to(&mut found.points, length);
             if self.plan.photons.caustic > 0 && bsdf.has_diffuse() {
                 point.look_for_caustics(self.secondary, &shading.surface);
             }

@@ -3,7 +3,6 @@
 use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{Hit, Ray, Scene, Surface};
 
-use crate::sampler::hash_pair;
 use crate::secondary::{Secondary, Shading};
 
 /// A distinct surface in a pixel: that of its samples which is nearest to the middle of the pixel stands for all.
@@ -33,26 +32,6 @@ pub(crate) struct SurfacePoint {
     pub(crate) caustics: CausticLooks,
     /// Where the samples lie.
     pub(crate) spread: Spread,
-}
-
-/// A sample of a surface, as it joins others.
-#[derive(Debug)]
-pub(super) struct PointSample<'a> {
-    pub(super) shading: &'a Shading,
-    /// See [`SurfacePoint::chain`].
-    pub(super) chain: u64,
-    /// Distance from the middle of the pixel, in pixels, by squares.
-    pub(super) off_middle: f32,
-    /// Length of the way from the eye, metres.
-    pub(super) length: f32,
-    /// Width of the pixel at the surface, metres.
-    pub(super) footprint: f32,
-    /// Throughput times albedo.
-    pub(super) diffuse_weight: Vec3,
-    /// Throughput.
-    pub(super) specular_weight: Vec3,
-    /// The same where the lobe is shared, else 0.
-    pub(super) lobe_weight: Vec3,
 }
 
 /// Irradiance by caustics at some of the samples of a point.
@@ -134,26 +113,32 @@ impl SurfacePoint {
         self.caustics.detail = self.caustics.detail.min(found.radius);
     }
 
-    /// A point of one sample.
-    fn new(sample: &PointSample<'_>, pixel: u32, position: UVec2, key: u64) -> Self {
-        Self {
-            pixel,
-            position,
-            key,
-            chain: sample.chain,
-            shading: *sample.shading,
-            off_middle: sample.off_middle,
-            footprint: sample.footprint,
-            diffuse_weight: sample.diffuse_weight,
-            specular_weight: sample.specular_weight,
-            lobe_weight: sample.lobe_weight,
-            caustics: CausticLooks::default(),
-            spread: Spread::default(),
+    /// Adds a sample to the point of its surface, which is seen `length` metres away, or starts one; returns it.
+    pub(super) fn add_to(self, points: &mut Vec<Self>, length: f32) -> &mut Self {
+        // Where a picture is black there is no diffuse part, which decides what becomes of gloss, or no gloss, of which
+        // one sample then speaks for all: such samples go ways of their own.
+        let same = points.iter().position(|other| {
+            other.chain == self.chain
+                && other.shading.bsdf.has_diffuse() == self.shading.bsdf.has_diffuse()
+                && other.shading.bsdf.has_glossy() == self.shading.bsdf.has_glossy()
+                && same_surface(&other.shading.surface, &self.shading.surface, length)
+        });
+        let number = same.unwrap_or(points.len());
+        if same.is_some() {
+            points[number].join(&self);
+        } else {
+            if points.is_empty() {
+                // Most pixels show one surface. A list that grows by itself starts with four places, which would be
+                // half of all memory.
+                points.reserve_exact(1);
+            }
+            points.push(self);
         }
+        &mut points[number]
     }
 
     /// Joins a sample of the same surface.
-    fn join(&mut self, sample: &PointSample<'_>) {
+    fn join(&mut self, sample: &Self) {
         self.diffuse_weight += sample.diffuse_weight;
         self.specular_weight += sample.specular_weight;
         self.lobe_weight += sample.lobe_weight;
@@ -162,40 +147,8 @@ impl SurfacePoint {
         self.spread.add(offset, turn);
         if sample.off_middle < self.off_middle {
             self.spread.refer_to(offset, turn);
-            (self.shading, self.footprint, self.off_middle) = (*sample.shading, sample.footprint, sample.off_middle);
+            (self.shading, self.footprint, self.off_middle) = (sample.shading, sample.footprint, sample.off_middle);
         }
-    }
-}
-
-impl PointSample<'_> {
-    /// Adds the sample to the point of its surface, or starts one in a `pixel` of the band, at a `position` in the
-    /// picture, whose name is `key`; returns the point.
-    pub(super) fn add_to<'a>(
-        &self,
-        points: &'a mut Vec<SurfacePoint>,
-        (pixel, position, key): (u32, UVec2, u64),
-    ) -> &'a mut SurfacePoint {
-        // Where a picture is black there is no diffuse part, which decides what becomes of gloss, or no gloss, of which
-        // one sample then speaks for all: such samples go ways of their own.
-        let (surface, bsdf) = (&self.shading.surface, &self.shading.bsdf);
-        let same = points.iter().position(|other| {
-            other.chain == self.chain
-                && other.shading.bsdf.has_diffuse() == bsdf.has_diffuse()
-                && other.shading.bsdf.has_glossy() == bsdf.has_glossy()
-                && same_surface(&other.shading.surface, surface, self.length)
-        });
-        let number = same.unwrap_or(points.len());
-        if same.is_some() {
-            points[number].join(self);
-        } else {
-            if points.is_empty() {
-                // Most pixels show one surface. A list that grows by itself starts with four places, which would be
-                // half of all memory.
-                points.reserve_exact(1);
-            }
-            points.push(SurfacePoint::new(self, pixel, position, hash_pair(key, number as u64)));
-        }
-        &mut points[number]
     }
 }
 
@@ -242,20 +195,20 @@ impl Default for Spread {
     }
 }
 
-/// Returns the place of a point, moved inwards by less than a pixel if it lies on an edge of its triangle: from a seam
-/// rays slip through the neighbour and see what is behind, and whoever takes light from there would be misled.
-#[inline]
-pub(super) fn off_seams(scene: &Scene, surface: &Surface, ray: &Ray, hit: &Hit, footprint: f32) -> Vec3A {
+/// Moves a point that lies on an edge of its triangle, inwards by less than a pixel: from a seam rays slip through the
+/// neighbour and see what is behind, and whoever takes light from there would be misled.
+pub(super) fn off_seams(scene: &Scene, shading: Shading, ray: &Ray, hit: &Hit, footprint: f32) -> Shading {
     /// As a barycentric coordinate, it is nearer to an edge than this.
     const SEAM: f32 = 1e-5;
     let Hit { barycentrics, .. } = *hit;
     let margin = barycentrics.min_element().min(1.0 - barycentrics.element_sum());
     if margin >= SEAM || hit.primitive as usize >= scene.triangle_count() {
-        return surface.p;
+        return shading;
     }
     let middle = Hit { barycentrics: Vec2::splat(1.0 / 3.0), ..*hit };
-    let inwards = scene.surface(ray, &middle).p - surface.p;
-    surface.p + inwards.clamp_length_max(0.25 * footprint)
+    let inwards = scene.surface(ray, &middle).p - shading.surface.p;
+    let surface = Surface { p: shading.surface.p + inwards.clamp_length_max(0.25 * footprint), ..shading.surface };
+    Shading { surface, ..shading }
 }
 
 /// Whether two places that are seen `length` metres away are of one surface: like normals, and each near the plane of
@@ -312,20 +265,6 @@ mod tests {
         }
     }
 
-    /// What joins another point.
-    fn as_sample(point: &SurfacePoint) -> PointSample<'_> {
-        PointSample {
-            shading: &point.shading,
-            chain: point.chain,
-            off_middle: point.off_middle,
-            length: 5.0,
-            footprint: point.footprint,
-            diffuse_weight: point.diffuse_weight,
-            specular_weight: point.specular_weight,
-            lobe_weight: point.lobe_weight,
-        }
-    }
-
     /// Caustics that are as bright as their place is far along x, and change over a length.
     struct Ramp(f32);
 
@@ -363,7 +302,7 @@ mod tests {
             let surface = point.shading.surface;
             point.look_for_caustics(&Ramp(detail), &surface);
             for next in samples {
-                point.join(&as_sample(&next));
+                point.join(&next);
                 point.look_for_caustics(&Ramp(detail), &next.shading.surface);
             }
             assert_eq!(point.caustics.count, expected, "{spread} wide, {detail}");
@@ -405,7 +344,7 @@ mod tests {
             let surface = point.shading.surface;
             point.look_for_caustics(&Lines, &surface);
             for next in (0..15).map(|_| place()) {
-                point.join(&as_sample(&next));
+                point.join(&next);
                 point.look_for_caustics(&Lines, &next.shading.surface);
             }
             sum += point.caustics.radiance(|| 1.0).x * std::f32::consts::PI;
@@ -423,7 +362,7 @@ mod tests {
         glossy.shading.bsdf.specular = scene::Specular::Ggx { alpha: 0.2, reflectance: Vec3::ONE, schlick: false };
         let mut points = Vec::new();
         for point in [bare, glossy, sample(&scene, 1.002, 0.0)] {
-            as_sample(&point).add_to(&mut points, (0, UVec2::ZERO, 0));
+            point.add_to(&mut points, 5.0);
         }
         assert_eq!(points.len(), 2, "what one sample says of gloss would be said of all");
         assert_eq!(points.iter().filter(|point| point.shading.bsdf.has_glossy()).count(), 1);
@@ -439,7 +378,7 @@ mod tests {
                 sample(&scene, 1.0 + (f32::from(i) + 0.5) / 64.0, off_middle)
             });
             let point = samples.reduce(|mut point, sample| {
-                point.join(&as_sample(&sample));
+                point.join(&sample);
                 point
             });
             let point = point.unwrap();
@@ -456,7 +395,8 @@ mod tests {
         let moved = |barycentrics| {
             let hit = Hit { t: 5.0, primitive: 0, barycentrics, media: ray.media };
             let shading = Shading::new(&scene, scene.surface(&ray, &hit), ray.direction);
-            (shading.surface.p, off_seams(&scene, &shading.surface, &ray, &hit, 0.01))
+            let after = off_seams(&scene, shading, &ray, &hit, 0.01);
+            (shading.surface.p, after.surface.p)
         };
         let (before, after) = moved(Vec2::new(0.25, 0.0));
         assert_eq!(before.y, 0.0, "in the plane of the floor");
