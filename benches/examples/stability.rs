@@ -13,7 +13,7 @@ use tests::{Effort, METHODS, Pictures, Term};
 
 /// What every picture may cost: quality 1, with as many samples as keep the noise of `path` near one percent where
 /// nothing is hard.
-const EFFORT: Effort = Effort { side: 32, seeds: 4, path_spp: 256, spp: 8, quality: 1.0 };
+const EFFORT: Effort = Effort { side: 32, seeds: 4, path_spp: 256, spp: 8, quality: 1.0, direct_fit: true };
 
 /// A thing that gets harder from value to value.
 struct Sweep {

@@ -12,7 +12,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 33] = [
+const SWITCHES: [(&str, &str); 34] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -41,6 +41,7 @@ const SWITCHES: [(&str, &str); 33] = [
     ("samples=even", "16 primary samples for each pixel"),
     ("light-samples=1", "1 light sample"),
     ("clear-lights=off", "shadow rays to lights that nothing hides, too"),
+    ("direct-fit=off", "direct light in half shadows by each pixel for itself"),
     ("gather-guide=off", "gathers look everywhere alike"),
     ("lobe-guide=off", "lobes alone choose where gloss looks"),
     ("lobe-reuse=off", "each primary sample traces its own lobe"),

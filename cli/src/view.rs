@@ -28,11 +28,11 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     spp: Option<u32>,
     /// Single setting for study, instead of what the quality gives: resolution, spacing, error, layers, merge, sides
-    /// (even, adaptive), depth (layer, parallax), step, verify, light-samples, light-guide, clear-lights, gather-guide,
-    /// lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage (rect, quad), trail (all, silhouettes,
-    /// uncovered), weights (bits, areas), reach (distance, hessian), gradients, walls, clamp, gaps, limit, divide,
-    /// highlights, margins, doubt (on, off), samples (even, adaptive), secondary (cells, photons, paths); may be given
-    /// several times
+    /// (even, adaptive), depth (layer, parallax), step, verify, light-samples, light-guide, clear-lights, direct-fit,
+    /// gather-guide, lobe-rays, lobe-guide, lobe-reuse, texture-alpha, photons, coverage (rect, quad), trail (all,
+    /// silhouettes, uncovered), weights (bits, areas), reach (distance, hessian), gradients, walls, clamp, gaps, limit,
+    /// divide, highlights, margins, doubt (on, off), samples (even, adaptive), secondary (cells, photons, paths); may be
+    /// given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = args::study)]
     set: Vec<args::StudySetting>,
     /// What of a texture a reprojected element covers: its quadrilateral, or the rectangle around that, as in the paper

@@ -103,6 +103,12 @@ impl PixelSum {
         }
     }
 
+    /// Adds to the direct light of all samples together, or takes from it.
+    pub(crate) fn add_direct(&mut self, direct: DVec3) {
+        let [_, sum, ..] = &mut self.terms;
+        *sum += direct;
+    }
+
     /// Adds the surface that a sample met.
     pub(crate) fn add_hit(&mut self, hit: &FirstHit) {
         self.albedo += hit.albedo.as_dvec3();

@@ -18,6 +18,7 @@ use crate::secondary::Secondary;
 use crate::sky::SkySplit;
 use crate::statistics::{Progress, RayCounts, Statistics};
 use crate::surface_points::{PixelPoints, Primary};
+use crate::terms::direct_fit::fit_direct;
 use crate::terms::indirect::{Counts, Incident, IndirectTerm};
 use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
@@ -199,6 +200,9 @@ fn trace_primary<S: Secondary>(
         .zip(allocation.factors(width, &first))
         .enumerate()
         .for_each(|(index, (pixel, factor))| trace(index, plan.samples.first_spp * factor, pixel));
+    if plan.samples.fits_direct {
+        fit_direct(&mut pixels, width);
+    }
     share_lobes(&primary.direct_term(), &mut pixels, size, seed, ambient, whole.and_then(|whole| whole.lobes));
     pixels
 }

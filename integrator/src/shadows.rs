@@ -151,7 +151,7 @@ mod tests {
             let plane = shadows.as_mut().and_then(|shadows| shadows.plane(&shading.surface));
             let found = term(scene, &plan).sample(&shading, position, None, plane, &mut sampler, &mut rays);
             sum += found.0.direct.x / f32::from(SAMPLES);
-            variance += found.1 / f32::from(SAMPLES);
+            variance += found.1.unwrap_or(0.0) / f32::from(SAMPLES);
         }
         (sum, variance, rays.shadow)
     }

@@ -73,6 +73,8 @@ pub struct Study {
     pub divide: Option<bool>,
     /// Whether pixels ask which lights nothing hides, and trace no shadow rays to these.
     pub clear_lights: Option<bool>,
+    /// Whether direct light in half shadows is fitted over neighbouring pixels.
+    pub direct_fit: Option<bool>,
     /// Whether highlights that a record met are traced anew where it is reprojected.
     pub highlights: Option<bool>,
     /// Whether the last texel inside a silhouette that retreats is unknown.
@@ -107,7 +109,7 @@ const fn switch(place: fn(&mut Study) -> &mut Option<bool>) -> Kind {
 }
 
 /// All settings, by the names that the command line writes.
-const SETTINGS: [(&str, Kind); 33] = [
+const SETTINGS: [(&str, Kind); 34] = [
     ("resolution", Whole(|study| &mut study.resolution, 1, 64)),
     ("spacing", Real(|study| &mut study.spacing, 0.001, 10.0)),
     ("error", Real(|study| &mut study.error, 1e-9, 1.0)),
@@ -120,6 +122,7 @@ const SETTINGS: [(&str, Kind); 33] = [
     ("light-samples", Whole(|study| &mut study.light_samples, 1, 1024)),
     ("light-guide", switch(|study| &mut study.light_guide)),
     ("clear-lights", switch(|study| &mut study.clear_lights)),
+    ("direct-fit", switch(|study| &mut study.direct_fit)),
     ("gather-guide", switch(|study| &mut study.gather_guide)),
     ("lobe-rays", Whole(|study| &mut study.lobe_rays, 1, 1024)),
     ("lobe-guide", switch(|study| &mut study.lobe_guide)),

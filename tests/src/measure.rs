@@ -1,7 +1,7 @@
 //! Small pictures, divided by what is known of them.
 
 use glam::{DVec3, UVec2, Vec2, Vec3};
-use integrator::{Film, Method, Settings, render};
+use integrator::{Film, Method, Settings, Study, render};
 use scene::Scene;
 
 /// Side of the blocks whose means are judged, pixels.
@@ -52,11 +52,14 @@ pub struct Effort {
     pub spp: u32,
     /// Quality of the other methods.
     pub quality: f32,
+    /// Whether these fit direct light over neighbouring pixels, whose spread then no longer tells the noise of their
+    /// mean.
+    pub direct_fit: bool,
 }
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { side: 16, seeds: 4, path_spp: 64, spp: 16, quality: 0.25 }
+        Self { side: 16, seeds: 4, path_spp: 64, spp: 16, quality: 0.25, direct_fit: true }
     }
 }
 
@@ -68,7 +71,9 @@ impl Default for Effort {
 pub fn film(scene: &Scene, method: Method, effort: &Effort, seed: u64) -> Film {
     let spp = if method == Method::Path { effort.path_spp } else { effort.spp };
     let size = UVec2::splat(effort.side);
-    let settings = Settings { method, quality: effort.quality, spp: Some(spp), size, seed, ..Settings::default() };
+    let study = Study { direct_fit: Some(effort.direct_fit), ..Study::default() };
+    let settings =
+        Settings { method, quality: effort.quality, spp: Some(spp), size, seed, study, ..Settings::default() };
     let rendering = render(scene, &settings, &|_| ()).expect("valid settings");
     assert_eq!(rendering.statistics.dropped_samples, 0, "samples that are not finite");
     rendering.film

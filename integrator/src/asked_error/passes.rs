@@ -46,7 +46,9 @@ impl Passes {
         Self { film, records: Vec::new(), count: 0, weight: 0.0, weight_sq: 0.0, value: zeros.clone(), value_sq: zeros }
     }
 
-    /// Renders and adds a round of passes of this quality.
+    /// Renders and adds a round of passes of this quality. What a fit of direct light is off by, all would have in
+    /// common, so each pixel has what it found itself, unless the settings say else: with that, a pixel of one picture
+    /// that is fitted is about as exact, or more so.
     pub(super) fn add_round(
         &mut self,
         scene: &Scene,
@@ -57,7 +59,8 @@ impl Passes {
     ) -> Result<(), SettingsError> {
         for _ in 0..PASSES {
             let seed = hash_pair(settings.seed, u64::from(self.count));
-            let pass = Settings { quality, seed, ..settings.clone() };
+            let mut pass = Settings { quality, seed, ..settings.clone() };
+            pass.study.direct_fit.get_or_insert(false);
             let Rendering { film, statistics: of_pass, records } = render(scene, &pass, progress)?;
             self.add(&film, quality);
             statistics.add_pass(&of_pass);

@@ -16,6 +16,7 @@ use crate::shadows::Shadows;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
 use crate::terms::direct::DirectTerm;
+use crate::terms::direct_fit::Lit;
 use crate::terms::guide::LobeGuide;
 use crate::terms::light_guide::LightGuide;
 
@@ -67,6 +68,8 @@ struct Pixel<'a> {
     /// Names it to the generators of random numbers.
     key: u64,
     shadows: Option<Shadows<'a>>,
+    /// Whether the sample is one of the first half of all that there will be for now.
+    is_first_half: bool,
 }
 
 /// A primary sample that is traced.
@@ -125,9 +128,13 @@ impl<S: Secondary> Primary<'_, S> {
         let key = u64::from(position.y) * u64::from(self.size.x) + u64::from(position.x);
         let asks = self.plan.samples.clear_lights;
         let shadows = asks.then(|| Shadows::new(self.scene, position, self.size)).flatten();
-        let mut pixel = Pixel { position, number: pixel, key, shadows };
+        let mut pixel = Pixel { position, number: pixel, key, shadows, is_first_half: true };
         let mut branches = Vec::new();
+        if samples > found.samples {
+            found.points.iter_mut().for_each(|point| point.lit.expect_more(point.diffuse_weight, point.spread.count));
+        }
         for number in found.samples..samples {
+            pixel.is_first_half = 2 * number < samples;
             let mut sampler = Sampler::new(self.seed, key, number);
             let place = sampler.next_pair();
             let film = position.as_vec2() + place;
@@ -198,7 +205,7 @@ impl<S: Secondary> Primary<'_, S> {
                 light.terms.specular += beta * known.direct;
             }
             light.terms.specular += beta * known.specular;
-            light.variance += (beta.element_sum() / 3.0).powi(2) * variance;
+            light.variance += (beta.element_sum() / 3.0).powi(2) * variance.unwrap_or(0.0);
             let footprint = length * self.scene.pixel_angle(self.size);
             let point = SurfacePoint {
                 pixel: pixel.number,
@@ -211,6 +218,7 @@ impl<S: Secondary> Primary<'_, S> {
                 diffuse_weight: beta * bsdf.diffuse,
                 specular_weight: beta,
                 lobe_weight: if shares_lobe { beta } else { Vec3::ZERO },
+                lit: Lit::new(beta * known.direct, beta * bsdf.diffuse, pixel.is_first_half, variance.is_some()),
                 caustics: CausticLooks::default(),
                 spread: Spread::default(),
             };

@@ -4,6 +4,7 @@ use glam::{UVec2, Vec2, Vec3, Vec3A};
 use scene::{Hit, Ray, Scene, Surface};
 
 use crate::secondary::{Secondary, Shading};
+use crate::terms::direct_fit::Lit;
 
 /// A distinct surface in a pixel: that of its samples which is nearest to the middle of the pixel stands for all.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +29,8 @@ pub(crate) struct SurfacePoint {
     pub(crate) specular_weight: Vec3,
     /// The same of the samples whose lobes are shared.
     pub(crate) lobe_weight: Vec3,
+    /// Its direct light.
+    pub(crate) lit: Lit,
     /// Irradiance by caustics.
     pub(crate) caustics: CausticLooks,
     /// Where the samples lie.
@@ -142,6 +145,7 @@ impl SurfacePoint {
         self.diffuse_weight += sample.diffuse_weight;
         self.specular_weight += sample.specular_weight;
         self.lobe_weight += sample.lobe_weight;
+        self.lit.join(&sample.lit);
         let (stands, joins) = (&self.shading.surface, &sample.shading.surface);
         let (offset, turn) = (joins.p - stands.p, joins.n - stands.n);
         self.spread.add(offset, turn);
@@ -260,6 +264,7 @@ mod tests {
             diffuse_weight: Vec3::ONE,
             specular_weight: Vec3::ONE,
             lobe_weight: Vec3::ZERO,
+            lit: Lit::default(),
             caustics: CausticLooks::default(),
             spread: Spread::default(),
         }

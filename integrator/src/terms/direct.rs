@@ -102,8 +102,8 @@ impl Light {
 impl<S: Secondary> DirectTerm<'_, S> {
     /// Samples the light at a point that the pixel at `position` sees. The soft part of the sky is left to textures for
     /// the diffuse lobe, not for the glossy one, which takes a share of its usual rays, up to 1, or is left to
-    /// neighbours. Returns also the variance of the mean of the light samples, of R, G and B together; 0 of a single
-    /// one.
+    /// neighbours. Returns also the variance of the mean of the light samples, of R, G and B together: 0 of a single
+    /// one, `None` where the light is known in closed form.
     pub(crate) fn sample(
         &self,
         shading: &Shading,
@@ -112,17 +112,16 @@ impl<S: Secondary> DirectTerm<'_, S> {
         plane: Option<&mut Plane>,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
-    ) -> (Light, f32) {
+    ) -> (Light, Option<f32>) {
         let mut light = Light::default();
         let count = self.plan.samples.light_samples;
         let has_light_choice = self.scene.lights().has_choice();
         let ways = LightWays { count: 1, choice: self.light_choice(shading, position), sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways).on(plane);
-        let mut sum_sq = 0.0;
+        let (mut sum_sq, mut is_exact) = (0.0, false);
         for mut sampler in sampler.split_into(count) {
             if let Some(exact) = lights.exact() {
-                light.direct = exact;
-                sum_sq = 0.0;
+                (light.direct, is_exact) = (exact, true);
                 break;
             }
             // The light and the point on it from one block, so that samples are stratified on each light too.
@@ -131,7 +130,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
             sum_sq += (found.element_sum() / 3.0).powi(2);
         }
         let mean = light.direct.element_sum() / 3.0;
-        let variance = (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32;
+        let variance = (!is_exact).then(|| (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32);
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
         }

@@ -4,6 +4,7 @@
 //! light of the surfaces that they show, so it is found there as well.
 
 pub(crate) mod direct;
+pub(crate) mod direct_fit;
 pub(crate) mod glossy;
 pub(crate) mod guide;
 pub(crate) mod indirect;

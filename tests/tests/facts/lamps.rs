@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use freeform::{FreeForm, Psi, Quadric, Solid};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
+use integrator::Method;
 use scene::{Material, Projection, Texture};
 use tests::{
     Builder, Effort, METHODS, film, icosphere, lambert, lamp, measure, mirror, polygon_irradiance, sphere_irradiance,
@@ -75,11 +76,15 @@ fn irradiance_of_sphere_light_is_known_above_and_across_the_horizon() {
         for ((scene, spp, what), known) in
             [(form, form_spp, "free form"), (mesh, mesh_spp, "mesh")].into_iter().zip(knowns)
         {
-            let effort = Effort { path_spp: spp, spp, seeds: 2, ..Effort::default() };
+            let what = format!("{what}, h = {h}, {degrees} degrees");
+            let effort = Effort { path_spp: spp, spp, seeds: 2, direct_fit: false, ..Effort::default() };
             for method in METHODS {
-                let measured = measure(&scene, method, &effort, known);
-                measured.assert_unbiased(&format!("{what}, h = {h}, {degrees} degrees"));
+                measure(&scene, method, &effort, known).assert_unbiased(&what);
             }
+            let fitted = Effort { direct_fit: true, ..effort };
+            let [plain, fitted] = [effort, fitted].map(|effort| measure(&scene, Method::Gather, &effort, known));
+            let apart = fitted.mean - plain.mean;
+            assert!(apart.abs() < 1e-4 && fitted.worst < 1.1 * plain.worst + 1e-4, "{what}: {fitted:?}, not {plain:?}");
         }
     }
 }

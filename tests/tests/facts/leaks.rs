@@ -38,7 +38,7 @@ fn no_leak_through_a_thin_wall() {
     let fine = [1e-3, 0.0].map(|thickness| (thickness, 160, 0.02));
     for (thickness, side, quality) in coarse.into_iter().chain(fine) {
         let scene = two_rooms(thickness).build();
-        let effort = Effort { side, path_spp: 16, spp: 4, seeds: 1, quality };
+        let effort = Effort { side, path_spp: 16, spp: 4, seeds: 1, quality, direct_fit: true };
         for method in METHODS {
             let pictures = Pictures::new(&scene, method, &effort);
             let room = |side: f64| {
@@ -153,7 +153,7 @@ fn window_gives_lamberts_irradiance() {
     let known = |p: DVec3| tests::polygon_irradiance(&window, p, DVec3::Z) / std::f64::consts::PI;
     assert!((known(DVec3::ZERO) * std::f64::consts::PI - 0.073_041_43).abs() < 1e-9, "the known value");
     for method in METHODS {
-        let effort = Effort { side: 8, path_spp: 512, spp: 4, seeds: 64, quality: 1.0 };
+        let effort = Effort { side: 8, path_spp: 512, spp: 4, seeds: 64, quality: 1.0, direct_fit: true };
         let measured = measure(&scene, method, &effort, known);
         if method == Method::Path {
             measured.assert_unbiased("window");
@@ -187,7 +187,7 @@ fn light_of_one_sheet_is_not_taken_for_that_of_the_next() {
         .build();
     let within = |p: &DVec3| (p.x - f64::from(GAP)).abs() < 1e-3 && p.y > -0.3 && (0.1..0.9).contains(&p.z);
     let mean = |method| {
-        let effort = Effort { side: 96, path_spp: 128, spp: 16, seeds: 4, quality: 1.0 };
+        let effort = Effort { side: 96, path_spp: 128, spp: 16, seeds: 4, quality: 1.0, direct_fit: true };
         let pictures = Pictures::new(&scene, method, &effort);
         let films = pictures.films.iter().flat_map(Film::picture);
         let seen = films.zip(pictures.points.iter().cycle()).filter(|(_, p)| p.is_some_and(|p| within(&p)));

@@ -74,7 +74,7 @@ fn a_drop_that_reaches_into_its_shell_is_as_one_modelled_by_its_faces() {
             scene.solid(shell, glass_before(1.5, 0.0, priority)).ball(centre, 0.9, glass(1.33, 0.7))
         })
     };
-    let effort = Effort { side: 24, seeds: 2, path_spp: 256, spp: 32, quality: 0.25 };
+    let effort = Effort { side: 24, seeds: 2, path_spp: 256, spp: 32, quality: 0.25, direct_fit: true };
     let sum = |scene: &Scene, method, seed| -> Vec<f64> {
         film(scene, method, &effort, seed).picture().iter().map(|radiance| f64::from(radiance.y)).collect()
     };
