@@ -166,9 +166,19 @@ impl Sites {
         Self { width, stride, rows, whole }
     }
 
+    /// Where the window of a plane around a pixel begins.
+    fn corner(&self, plane: usize, pixel: usize) -> usize {
+        (pixel / self.width * PLANES + plane) * self.stride + pixel % self.width
+    }
+
+    /// How far others may lie off the plane of a pixel's surface, see [`Plane::Depth`].
+    fn depth(&self, pixel: usize) -> f32 {
+        self.rows[self.corner(Plane::Depth as usize, pixel) + RADIUS * (PLANES * self.stride + 1)]
+    }
+
     /// The window of a plane around a pixel.
     fn window(&self, plane: usize, pixel: usize) -> Window {
-        let corner = (pixel / self.width * PLANES + plane) * self.stride + pixel % self.width;
+        let corner = self.corner(plane, pixel);
         let mut window = [[0.0; LANES]; SIDE];
         for (row, lanes) in window.iter_mut().enumerate() {
             lanes.copy_from_slice(&self.rows[corner + row * PLANES * self.stride..][..LANES]);
@@ -186,7 +196,7 @@ impl Sites {
         let mut weights = self.window(Plane::Share as usize, pixel);
         let (normals, places) = (self.windows(Plane::Normal, pixel), self.windows(Plane::Place, pixel));
         let [n, p] = [&normals, &places].map(|axes| [0, 1, 2].map(|axis: usize| axes[axis][RADIUS][RADIUS]));
-        let depth = self.window(Plane::Depth as usize, pixel)[RADIUS][RADIUS];
+        let depth = self.depth(pixel);
         for row in 0..SIDE {
             for lane in 0..LANES {
                 // How far each lies off the plane of the other.
@@ -209,7 +219,7 @@ impl Sites {
     /// What the points around a pixel say of its direct light over albedo; `None` where nothing may be fitted, there is
     /// no noise, or noise does not explain what a polynomial leaves.
     fn fit(&self, pixel: usize) -> Option<Vec3> {
-        if self.window(Plane::Depth as usize, pixel)[RADIUS][RADIUS] == 0.0 {
+        if self.depth(pixel) == 0.0 {
             return None;
         }
         let (mut lights, mut variances) = (self.windows(Plane::Light, pixel), self.windows(Plane::Variance, pixel));
