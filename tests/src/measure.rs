@@ -59,7 +59,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { side: 16, seeds: 4, path_spp: 64, spp: 16, quality: 0.25, direct_fit: true }
+        Self { side: 16, seeds: 4, path_spp: 64, spp: 16, quality: 0.25, direct_fit: false }
     }
 }
 
@@ -150,7 +150,8 @@ pub fn measure(scene: &Scene, method: Method, effort: &Effort, known: impl Fn(DV
 pub struct Measured {
     /// Mean over pixels and seeds.
     pub mean: f64,
-    /// Standard error of `mean` from the spread over all pixels and seeds. It holds where pixels are independent.
+    /// Standard error of `mean` from the spread over all pixels and seeds. It holds where pixels are independent,
+    /// which they are not where direct light is fitted.
     pub standard_error: f64,
     /// Largest deviation from 1 of the mean of a block of 4 x 4 pixels over the seeds: single pixels of small pictures
     /// are noise.

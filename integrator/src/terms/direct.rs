@@ -121,7 +121,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let (mut sum_sq, mut is_exact) = (0.0, false);
         for mut sampler in sampler.split_into(count) {
             if let Some(exact) = lights.exact() {
-                (light.direct, is_exact) = (exact, true);
+                (light.direct, sum_sq, is_exact) = (exact, 0.0, true);
                 break;
             }
             // The light and the point on it from one block, so that samples are stratified on each light too.
@@ -130,14 +130,15 @@ impl<S: Secondary> DirectTerm<'_, S> {
             sum_sq += (found.element_sum() / 3.0).powi(2);
         }
         let mean = light.direct.element_sum() / 3.0;
-        let variance = (!is_exact).then(|| (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32);
+        let variance = (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32;
         if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
+            is_exact = false;
         }
         if let Some(share) = lobe_share.filter(|_| shading.bsdf.has_glossy()) {
             self.add_lobe(shading, position, share, sampler, rays, &mut light);
         }
-        (light, variance)
+        (light, (!is_exact).then_some(variance))
     }
 
     /// What is known of the lights at a surface that the pixel at `position` shows.

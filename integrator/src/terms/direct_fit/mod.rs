@@ -30,15 +30,16 @@ use rayon::prelude::*;
 
 use crate::surface_points::{PixelPoints, SurfacePoint};
 
-use polynomials::{INSIDE, LANES, Polynomials, RADII, RADIUS, SIDE, Window, count, dot, min, product, sum};
+use polynomials::{INSIDE, LANES, Polynomials, RADII, RADIUS, SIDE, Window, count, dot, min, product};
 
 /// Relative noise, by squares, summed over a window, that is not worth the time.
 const CLEAN: f32 = 5e-5;
-/// Surfaces whose normals differ by more have nothing in common, nor have those that lie off each other's planes by
-/// more than this share of their distance.
+/// Surfaces whose normals differ by more have nothing in common; as for samples of a pixel.
 const MIN_NORMAL_COS: f32 = 0.95;
+/// Nor have those that lie off each other's planes by more than this share of their distance, about what that angle
+/// allows.
 const MAX_OFF_PLANE: f32 = 0.2;
-/// Nor those that lie off it by more than so many widths of a pixel: at a flat angle all of a table's top lies near the
+/// Nor those that lie off them by more than so many widths of a pixel: at a flat angle all of a table's top lies near the
 /// plane of the floor behind, by the first measure.
 const MAX_DEPTH: f32 = 3.0;
 /// A channel of which a surface reflects a smaller share of what it reflects of the brightest tells nothing of light.
@@ -224,7 +225,7 @@ impl Sites {
         }
         let (mut lights, mut variances) = (self.windows(Plane::Light, pixel), self.windows(Plane::Variance, pixel));
         let own = [0, 1, 2].map(|channel: usize| lights[channel][RADIUS][RADIUS]);
-        let is_clean = |channel: usize| sum(&variances[channel]) <= CLEAN * own[channel] * own[channel];
+        let is_clean = |channel: usize| dot(&variances[channel], &INSIDE[0]) <= CLEAN * own[channel] * own[channel];
         if (0..3).all(is_clean) {
             return None;
         }
@@ -316,7 +317,7 @@ mod tests {
         let [inner, rim] = [inner, rim].map(|(sum, count)| (sum / count as f32, count as f32 / 20.0));
         // Of 18 x 14 and of 228 pixels; by chance some have less than the whole window, or none.
         assert!(inner.1 > 0.9 * 252.0 && (0.06..0.11).contains(&inner.0), "{inner:?}");
-        assert!(rim.1 > 0.8 * 228.0 && rim.0 < 0.4, "windows that end early: {rim:?}");
+        assert!(rim.1 > 0.8 * 228.0 && rim.0 < 0.25, "windows that end early: {rim:?}");
     }
 
     #[test]
