@@ -21,7 +21,7 @@ use crate::terms::guide::LobeGuide;
 use crate::terms::light_guide::LightGuide;
 
 use point::{CausticLooks, Spread, off_seams};
-pub(crate) use point::{SurfacePoint, same_surface};
+pub(crate) use point::{MIN_NORMAL_COS, SurfacePoint, same_surface};
 
 /// What the primary rays of one pixel found.
 #[derive(Debug, Default)]

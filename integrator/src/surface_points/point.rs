@@ -70,7 +70,7 @@ const LOOKS_PER_RADIUS: f32 = 4.0;
 const MIN_COS: f32 = 0.1;
 const MAX_LOOKS: f32 = 8.0;
 /// Samples whose normals differ by more are different surfaces.
-const MIN_NORMAL_COS: f32 = 0.95;
+pub(crate) const MIN_NORMAL_COS: f32 = 0.95;
 /// Samples farther from the plane of a surface than this share of its distance from the eye are different surfaces.
 const PLANE_TOLERANCE: f32 = 0.01;
 

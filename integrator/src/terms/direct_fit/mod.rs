@@ -28,16 +28,14 @@ use std::iter::zip;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::surface_points::{PixelPoints, SurfacePoint};
+use crate::surface_points::{MIN_NORMAL_COS, PixelPoints, SurfacePoint};
 
-use polynomials::{INSIDE, LANES, Polynomials, RADII, RADIUS, SIDE, Window, count, dot, min, product};
+use polynomials::{INSIDE, LANES, Polynomials, RADII, RADIUS, SIDE, Window, count, dot, product};
 
 /// Relative noise, by squares, summed over a window, that is not worth the time.
 const CLEAN: f32 = 5e-5;
-/// Surfaces whose normals differ by more have nothing in common; as for samples of a pixel.
-const MIN_NORMAL_COS: f32 = 0.95;
-/// Nor have those that lie off each other's planes by more than this share of their distance, about what that angle
-/// allows.
+/// Surfaces have nothing in common that lie off each other's planes by more than this share of their distance, about what
+/// [`MIN_NORMAL_COS`] allows.
 const MAX_OFF_PLANE: f32 = 0.2;
 /// Nor those that lie off them by more than so many widths of a pixel: at a flat angle all of a table's top lies near the
 /// plane of the floor behind, by the first measure.
@@ -209,7 +207,7 @@ impl Sites {
                     own_off += apart * normals[axis][row][lane];
                     apart_sq += apart * apart;
                 }
-                let limit_sq = min(MAX_OFF_PLANE * MAX_OFF_PLANE * apart_sq, depth * depth);
+                let limit_sq = (MAX_OFF_PLANE * MAX_OFF_PLANE * apart_sq).min(depth * depth);
                 let same = (cosine >= MIN_NORMAL_COS) & (off * off <= limit_sq) & (own_off * own_off <= limit_sq);
                 weights[row][lane] = if same { weights[row][lane] } else { 0.0 };
             }

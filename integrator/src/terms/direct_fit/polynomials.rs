@@ -184,8 +184,3 @@ pub(super) fn count(weights: &Window) -> f32 {
     }
     lanes.into_iter().sum()
 }
-
-/// By comparison, for it is one instruction; `f32::min` is more.
-pub(super) fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
