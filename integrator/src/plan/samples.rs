@@ -19,7 +19,7 @@ pub(crate) struct SamplePlan {
     pub(crate) light_learners: u32,
     /// Whether pixels ask which lights nothing hides.
     pub(crate) clear_lights: bool,
-    /// Whether direct light is fitted over neighbouring pixels.
+    /// Whether direct light, if there is any, is fitted over neighbouring pixels.
     pub(crate) fits_direct: bool,
 }
 
@@ -43,7 +43,8 @@ impl SamplePlan {
         let is_learnt = light_count > 1 && settings.study.light_guide != Some(false);
         let light_learners = if is_learnt { learners(settings) } else { 0 };
         let clear_lights = settings.study.clear_lights != Some(false);
-        let fits_direct = settings.study.direct_fit != Some(false);
+        let has_direct = light_count > 0 || scene.features().emissive_unsampled;
+        let fits_direct = has_direct && settings.study.direct_fit != Some(false);
         Self { first_spp, budget, light_samples, light_learners, clear_lights, fits_direct }
     }
 }

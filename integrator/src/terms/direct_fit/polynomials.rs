@@ -10,8 +10,8 @@ pub(super) const LANES: usize = 8;
 /// Fewer points tell too little of whether a polynomial is right.
 const MIN_POINTS: f32 = 14.0;
 /// A polynomial that leaves so many times the variance that the halves of samples show is wrong. They show up to twice
-/// what there is, so that few right ones are refused. In spot (6 pictures at quality 1, plain relMSE) direct
-/// light keeps 2.0e-5 of 4.5e-5 of noise with 1, and its bias is 0.4e-6, by squares; with 1.4 they are 1.7e-5 and 1.2e-6.
+/// what there is, so that few right ones are refused. In spot (6 pictures at quality 1, plain relMSE) direct light keeps
+/// 2.0e-5 of 4.5e-5 of noise with 1, and its bias is 0.4e-6, by squares; with 1.4 they are 1.7e-5 and 1.2e-6.
 const MISFIT: f32 = 1.2;
 /// Points of which a term has less than this share that others do not have lie along a line, or nearly so.
 const DEGENERATE: f64 = 1e-4;
