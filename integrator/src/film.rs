@@ -103,12 +103,6 @@ impl PixelSum {
         }
     }
 
-    /// Adds to the direct light of all samples together, or takes from it.
-    pub(crate) fn add_direct(&mut self, direct: DVec3) {
-        let [_, sum, ..] = &mut self.terms;
-        *sum += direct;
-    }
-
     /// Adds the surface that a sample met.
     pub(crate) fn add_hit(&mut self, hit: &FirstHit) {
         self.albedo += hit.albedo.as_dvec3();
@@ -360,6 +354,16 @@ impl Band<'_> {
         self.normal[index] = pixel.normal;
         self.depth[index] = pixel.depth;
         self.alpha[index] = pixel.alpha;
+    }
+
+    /// Changes the direct light of pixel number `index` of the band, down to none.
+    ///
+    /// # Panics
+    ///
+    /// When `index` is not below [`Band::pixel_count`].
+    pub(crate) fn change_direct(&mut self, index: usize, change: Vec3) {
+        let direct = &mut self.direct[index];
+        *direct = (*direct + change).max(Vec3::ZERO);
     }
 
     /// Writes how pixel number `index` of the band got its indirect light, if anybody asks.

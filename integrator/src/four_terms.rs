@@ -18,7 +18,7 @@ use crate::secondary::Secondary;
 use crate::sky::SkySplit;
 use crate::statistics::{Progress, RayCounts, Statistics};
 use crate::surface_points::{PixelPoints, Primary};
-use crate::terms::direct_fit::fit_direct;
+use crate::terms::direct_fit::DirectFit;
 use crate::terms::indirect::{Counts, Incident, IndirectTerm};
 use crate::terms::reuse::{LobeAllocation, share_lobes};
 use crate::{Method, Settings};
@@ -63,17 +63,18 @@ pub(crate) fn render<S: Secondary>(
     let mut counts = Counts::default();
     let mut samples = 0;
     let rows = (BAND_PIXELS / settings.size.x).max(1);
-    let bands = film.bands_mut(rows);
-    let total = bands.len() as f32;
-    let whole =
-        (bands.len() > 1).then(|| statistics.time("direct", |statistics| decide(&primary, &mut statistics.rays)));
-    for (number, mut band) in bands.into_iter().enumerate() {
-        let done = number as f32 / total;
+    let mut direct_fit = plan.samples.fits_direct.then(|| DirectFit::new(size.x as usize));
+    let mut bands = film.bands_mut(rows);
+    let count = bands.len();
+    let whole = (count > 1).then(|| statistics.time("direct", |statistics| decide(&primary, &mut statistics.rays)));
+    for number in 0..count {
+        let band = &mut bands[number];
+        let done = number as f32 / count as f32;
         if let Some(witness) = witness {
-            witness.enter(&band, settings.size.x);
+            witness.enter(band, settings.size.x);
         }
         progress(Progress { phase: "direct", done });
-        let pixels = statistics.time("direct", |_| trace_primary(&primary, &band, whole.as_ref()));
+        let pixels = statistics.time("direct", |_| trace_primary(&primary, band, whole.as_ref()));
         for pixel in &pixels {
             samples += u64::from(pixel.samples);
             statistics.rays += pixel.rays;
@@ -97,8 +98,15 @@ pub(crate) fn render<S: Secondary>(
             witness.leave(&pixels, &lattice, &values);
         }
         statistics.time("film", |statistics| {
-            develop(&mut band, &pixels, &lattice, &values, secondary, statistics);
+            develop(band, &pixels, &lattice, &values, secondary, statistics);
         });
+        if let Some(direct_fit) = &mut direct_fit {
+            let changes = statistics.time("direct", |_| direct_fit.fit(&pixels, number + 1 == count));
+            let length = rows as usize * size.x as usize;
+            for (pixel, change) in changes {
+                bands[pixel / length].change_direct(pixel % length, change);
+            }
+        }
     }
     progress(Progress { phase: "indirect", done: 1.0 });
     add_counts(statistics, &counts);
@@ -200,9 +208,6 @@ fn trace_primary<S: Secondary>(
         .zip(allocation.factors(width, &first))
         .enumerate()
         .for_each(|(index, (pixel, factor))| trace(index, plan.samples.first_spp * factor, pixel));
-    if plan.samples.fits_direct {
-        fit_direct(&mut pixels, width);
-    }
     share_lobes(&primary.direct_term(), &mut pixels, size, seed, ambient, whole.and_then(|whole| whole.lobes));
     pixels
 }

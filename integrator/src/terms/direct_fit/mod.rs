@@ -21,15 +21,17 @@
 //! Reconstruction for Ray Tracing*, 2008; Bochang Moon, Nathan Carr, Sung-Eui Yoon, *Adaptive Rendering Based on
 //! Weighted Local Regression*, 2014, whose windows the error decides.
 
+mod lit;
 mod polynomials;
 
 use std::iter::zip;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::surface_points::{MIN_NORMAL_COS, PixelPoints, SurfacePoint};
 
+pub(crate) use lit::Lit;
 use polynomials::{INSIDE, LANES, Polynomials, RADII, RADIUS, SIDE, Window, count, dot, product};
 
 /// Relative noise, by squares, summed over a window, that is not worth the time.
@@ -42,51 +44,6 @@ const MAX_OFF_PLANE: f32 = 0.2;
 const MAX_DEPTH: f32 = 3.0;
 /// A channel of which a surface reflects a smaller share of what it reflects of the brightest tells nothing of light.
 const MIN_CHANNEL: f32 = 1e-2;
-
-/// The direct light of the samples of a surface point by which it may be fitted: that of the diffuse lobe, where there
-/// is no other that light samples meet.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Lit {
-    /// Sum over the samples; as exact as that of the pixel, from which it may be taken again.
-    sum: DVec3,
-    /// The same of the first half of them, and of the albedo there; and their number.
-    first: Vec3,
-    first_weight: Vec3,
-    first_count: f32,
-    /// Whether something of it was sampled, and not known in closed form.
-    is_sampled: bool,
-}
-
-impl Lit {
-    /// The direct light of one sample, which is in the first half of them or not.
-    pub(crate) fn new(direct: Vec3, diffuse_weight: Vec3, is_first: bool, is_sampled: bool) -> Self {
-        let whole = Self { sum: direct.as_dvec3(), is_sampled, ..Self::default() };
-        if is_first { Self { first: direct, first_weight: diffuse_weight, first_count: 1.0, ..whole } } else { whole }
-    }
-
-    /// Adds another sample of the same surface.
-    pub(crate) fn join(&mut self, sample: &Self) {
-        self.sum += sample.sum;
-        self.first += sample.first;
-        self.first_weight += sample.first_weight;
-        self.first_count += sample.first_count;
-        self.is_sampled |= sample.is_sampled;
-    }
-
-    /// Takes all samples up to now for a part of the first half, as at least as many are to come.
-    pub(crate) fn expect_more(&mut self, diffuse_weight: Vec3, count: f32) {
-        (self.first, self.first_weight, self.first_count) = (self.sum.as_vec3(), diffuse_weight, count);
-    }
-
-    /// The variance of direct light over albedo of a point of so many samples, by its halves. That of stratified samples
-    /// is less: if it falls with the power 3/2 of their number, by 1.8 times. `None` where one of them is empty.
-    fn variance(&self, diffuse_weight: Vec3, count: f32) -> Option<Vec3> {
-        let (rest_weight, rest_count) = (diffuse_weight - self.first_weight, count - self.first_count);
-        let is_known = self.first_weight.min_element() > 0.0 && rest_weight.min_element() > 0.0 && rest_count > 0.0;
-        let apart = self.first / self.first_weight - (self.sum.as_vec3() - self.first) / rest_weight;
-        is_known.then(|| apart * apart * (self.first_count * rest_count / (count * count)))
-    }
-}
 
 /// The surface that takes most of a pixel, if its direct light may be fitted.
 fn fitted_point(pixel: &PixelPoints) -> Option<&SurfacePoint> {
@@ -112,44 +69,82 @@ enum Plane {
     Place = Self::Normal as isize + 3,
     /// How far others may lie off its plane, metres; 0 where its own light is not to be fitted.
     Depth = Self::Place as isize + 3,
+    /// What its light over albedo counts in the pixel: the first of three channels.
+    Scale = Self::Depth as isize + 1,
 }
 
 /// Number of numbers that [`Plane`] names.
-const PLANES: usize = Plane::Depth as usize + 1;
+const PLANES: usize = Plane::Scale as usize + 3;
 
-/// The direct light of a band of pixels.
-struct Sites {
+/// What a pixel tells of the surface that takes most of it, in the order of [`Plane`], if that may be fitted.
+fn planes_of(pixel: &PixelPoints) -> Option<[f32; PLANES]> {
+    let point = fitted_point(pixel)?;
+    let (count, weight, samples) = (point.spread.count, point.diffuse_weight, pixel.samples as f32);
+    let (light, variance) = (point.lit.sum / weight, point.lit.variance(weight, count)?);
+    let (p, n) = point.middle();
+    let depth = if point.lit.is_sampled { MAX_DEPTH * point.footprint } else { 0.0 };
+    let share = count / samples;
+    let [l, v, n, p, s] = [light.into(), variance.into(), n.to_array(), p.to_array(), (weight / samples).into()];
+    Some([share, l[0], l[1], l[2], v[0], v[1], v[2], n[0], n[1], n[2], p[0], p[1], p[2], depth, s[0], s[1], s[2]])
+}
+
+/// Fits the direct light of a picture, band after band from the top. The last rows of a band wait for the next one, so
+/// that their windows end no earlier than those of others.
+pub(crate) struct DirectFit {
     /// Pixels in a row, and length of a row of a plane.
     width: usize,
     stride: usize,
-    /// The planes, row by row, with a margin so that no window ends early.
+    /// The planes, row by row: as many rows above the first that waits as a window reaches, the rows that wait, and as
+    /// many dark ones below, or one more as windows have a lane too many. A margin at both sides.
     rows: Vec<f32>,
+    /// Number of the first pixel that waits.
+    first: usize,
     /// Least squares over windows of each of [`RADII`] in which all points count alike, and what each point there
     /// counts in the middle.
     whole: [(Polynomials, Window); RADII.len()],
 }
 
-impl Sites {
-    /// Collects what the `pixels`, rows of `width` of them, found.
-    fn new(pixels: &[PixelPoints], width: usize) -> Self {
-        Self::of(width, pixels.len() / width, |number| {
-            let pixel = &pixels[number];
-            let point = fitted_point(pixel)?;
-            let (count, weight) = (point.spread.count, point.diffuse_weight);
-            let (light, variance) = (point.lit.sum.as_vec3() / weight, point.lit.variance(weight, count)?);
-            let (p, n) = point.middle();
-            let depth = if point.lit.is_sampled { MAX_DEPTH * point.footprint } else { 0.0 };
-            let share = count / pixel.samples as f32;
-            let [l, v, n, p] = [light.into(), variance.into(), n.to_array(), p.to_array()];
-            Some([share, l[0], l[1], l[2], v[0], v[1], v[2], n[0], n[1], n[2], p[0], p[1], p[2], depth])
-        })
+impl DirectFit {
+    /// Starts a picture of rows of `width` pixels.
+    pub(crate) fn new(width: usize) -> Self {
+        let stride = width + LANES;
+        let whole = INSIDE.each_ref().map(|inside| {
+            let polynomials = Polynomials::new(inside).expect("points all over the window");
+            let shares = polynomials.shares(inside);
+            (polynomials, shares)
+        });
+        Self { width, stride, rows: vec![0.0; stride * PLANES * SIDE], first: 0, whole }
     }
 
-    /// Collects what is known of each pixel of a band, in the order of [`Plane`].
-    fn of(width: usize, height: usize, planes: impl Fn(usize) -> Option<[f32; PLANES]> + Sync) -> Self {
-        let stride = width + LANES;
-        let mut rows = vec![0.0; stride * PLANES * (height + SIDE)];
-        rows.par_chunks_mut(stride * PLANES).skip(RADIUS).take(height).enumerate().for_each(|(y, row)| {
+    /// Takes the `pixels` of the next band, whole rows of them, and returns the numbers of pixels that can be fitted
+    /// now, up to this band's, and by how much each changes the direct light of the picture. After the last band none
+    /// waits.
+    pub(crate) fn fit(&mut self, pixels: &[PixelPoints], is_last: bool) -> Vec<(usize, Vec3)> {
+        self.append(pixels.len(), |number| planes_of(&pixels[number]));
+        self.take_changes(is_last)
+    }
+
+    /// Fits the pixels whose windows are there, and lets them go.
+    fn take_changes(&mut self, is_last: bool) -> Vec<(usize, Vec3)> {
+        let waits = if is_last { 0 } else { RADIUS };
+        let ready = self.height().saturating_sub(waits);
+        let changes = (0..ready * self.width).into_par_iter().filter_map(|pixel| {
+            let change = self.at(Plane::Scale, pixel) * self.change(pixel)?;
+            change.is_finite().then_some((self.first + pixel, change))
+        });
+        let changes = changes.collect();
+        self.rows.drain(..ready * self.row_length());
+        self.first += ready * self.width;
+        changes
+    }
+
+    /// Takes what is known of so many more pixels.
+    fn append(&mut self, pixel_count: usize, planes: impl Fn(usize) -> Option<[f32; PLANES]> + Sync) {
+        let (above, height) = (RADIUS + self.height(), pixel_count / self.width);
+        let Self { width, stride, .. } = *self;
+        self.rows.resize(self.rows.len() + height * self.row_length(), 0.0);
+        let rows = self.rows.par_chunks_mut(stride * PLANES).skip(above).take(height);
+        rows.enumerate().for_each(|(y, row)| {
             for x in 0..width {
                 let Some(planes) = planes(y * width + x) else { continue };
                 for (plane, number) in planes.into_iter().enumerate() {
@@ -157,22 +152,36 @@ impl Sites {
                 }
             }
         });
-        let whole = INSIDE.each_ref().map(|inside| {
-            let polynomials = Polynomials::new(inside).expect("points all over the window");
-            let shares = polynomials.shares(inside);
-            (polynomials, shares)
-        });
-        Self { width, stride, rows, whole }
     }
 
-    /// Where the window of a plane around a pixel begins.
-    fn corner(&self, plane: usize, pixel: usize) -> usize {
-        (pixel / self.width * PLANES + plane) * self.stride + pixel % self.width
+    /// Length of a row of all planes.
+    const fn row_length(&self) -> usize {
+        self.stride * PLANES
+    }
+
+    /// Number of rows that wait.
+    const fn height(&self) -> usize {
+        self.rows.len() / self.row_length() - SIDE
+    }
+
+    /// Where the window of a plane around a pixel begins, by its number among those that wait.
+    const fn corner(&self, plane: usize, pixel: usize) -> usize {
+        pixel / self.width * self.row_length() + plane * self.stride + pixel % self.width
+    }
+
+    /// What a pixel has in three planes, of which this is the first.
+    fn at(&self, plane: Plane, pixel: usize) -> Vec3 {
+        [0, 1, 2].map(|more| self.rows[self.corner(plane as usize + more, pixel) + self.middle()]).into()
+    }
+
+    /// From the beginning of a window to the middle of it.
+    const fn middle(&self) -> usize {
+        RADIUS * (self.row_length() + 1)
     }
 
     /// How far others may lie off the plane of a pixel's surface, see [`Plane::Depth`].
     fn depth(&self, pixel: usize) -> f32 {
-        self.rows[self.corner(Plane::Depth as usize, pixel) + RADIUS * (PLANES * self.stride + 1)]
+        self.rows[self.corner(Plane::Depth as usize, pixel) + self.middle()]
     }
 
     /// The window of a plane around a pixel.
@@ -180,7 +189,7 @@ impl Sites {
         let corner = self.corner(plane, pixel);
         let mut window = [[0.0; LANES]; SIDE];
         for (row, lanes) in window.iter_mut().enumerate() {
-            lanes.copy_from_slice(&self.rows[corner + row * PLANES * self.stride..][..LANES]);
+            lanes.copy_from_slice(&self.rows[corner + row * self.row_length()..][..LANES]);
         }
         window
     }
@@ -215,9 +224,9 @@ impl Sites {
         weights
     }
 
-    /// What the points around a pixel say of its direct light over albedo; `None` where nothing may be fitted, there is
-    /// no noise, or noise does not explain what a polynomial leaves.
-    fn fit(&self, pixel: usize) -> Option<Vec3> {
+    /// By how much the points around a pixel would change its direct light over albedo; `None` where nothing may be
+    /// fitted, there is no noise, or noise does not explain what a polynomial leaves.
+    fn change(&self, pixel: usize) -> Option<Vec3> {
         if self.depth(pixel) == 0.0 {
             return None;
         }
@@ -242,23 +251,10 @@ impl Sites {
                 polynomials.explain(&weights, light, noise)
             });
             let shares = explains.then(|| if is_whole { *shares } else { polynomials.shares(&weights) })?;
-            let light = Vec3::from(own) + Vec3::from(lights.each_ref().map(|light| dot(&shares, light)));
-            Some(light.max(Vec3::ZERO))
+            let change = Vec3::from(lights.each_ref().map(|light| dot(&shares, light)));
+            Some(change.max(-Vec3::from(own)))
         })
     }
-}
-
-/// Fits the direct light of the points of a band of `pixels`, rows of `width` of them.
-pub(crate) fn fit_direct(pixels: &mut [PixelPoints], width: usize) {
-    let sites = Sites::new(pixels, width);
-    pixels.par_iter_mut().enumerate().for_each(|(number, pixel)| {
-        let Some(light) = sites.fit(number) else { return };
-        let point = fitted_point(pixel).expect("what was fitted");
-        let direct = (point.diffuse_weight * light).as_dvec3() - point.lit.sum;
-        if direct.is_finite() {
-            pixel.sum.add_direct(direct);
-        }
-    });
 }
 
 #[cfg(test)]
@@ -269,14 +265,32 @@ mod tests {
     const WIDTH: usize = 24;
     const HEIGHT: usize = 20;
 
+    impl DirectFit {
+        /// A picture in one band that waits.
+        fn of(width: usize, height: usize, planes: impl Fn(usize) -> Option<[f32; PLANES]> + Sync) -> Self {
+            let mut fit = Self::new(width);
+            fit.append(width * height, planes);
+            fit
+        }
+
+        /// The light over albedo of a pixel by those around.
+        fn fitted(&self, pixel: usize) -> Option<Vec3> {
+            Some(self.at(Plane::Light, pixel) + self.change(pixel)?)
+        }
+    }
+
     /// A floor of grey light, of which each pixel knows the variance: its light by the column and the row.
-    fn floor(variance: f32, light: impl Fn(f32, f32) -> f32 + Sync) -> Sites {
+    fn floor(variance: f32, light: impl Fn(f32, f32) -> f32 + Sync) -> DirectFit {
         stairs(variance, light, |_| 0.0)
     }
 
     /// The same where the height of the floor depends on the column.
-    fn stairs(variance: f32, light: impl Fn(f32, f32) -> f32 + Sync, height: impl Fn(usize) -> f32 + Sync) -> Sites {
-        Sites::of(WIDTH, HEIGHT, |pixel| {
+    fn stairs(
+        variance: f32,
+        light: impl Fn(f32, f32) -> f32 + Sync,
+        height: impl Fn(usize) -> f32 + Sync,
+    ) -> DirectFit {
+        DirectFit::of(WIDTH, HEIGHT, |pixel| {
             let (x, y) = ((pixel % WIDTH) as f32, (pixel / WIDTH) as f32);
             Some(site(1.0, light(x, y), variance, [0.01 * x, height(pixel % WIDTH), 0.01 * y]))
         })
@@ -284,7 +298,7 @@ mod tests {
 
     /// What is known of a pixel that looks down, of grey light.
     fn site(share: f32, l: f32, v: f32, [x, y, z]: [f32; 3]) -> [f32; PLANES] {
-        [share, l, l, l, v, v, v, 0.0, 1.0, 0.0, x, y, z, 0.03]
+        [share, l, l, l, v, v, v, 0.0, 1.0, 0.0, x, y, z, 0.03, share, share, share]
     }
 
     /// Unrelated numbers of mean 0 and variance 1, by place.
@@ -305,7 +319,7 @@ mod tests {
         for seed in 0..20 {
             let sites = floor(DEVIATION * DEVIATION, |x, y| light(x, y) + DEVIATION * noise(seed, x, y));
             for (pixel, x, y) in pixels() {
-                let Some(found) = sites.fit(pixel) else { continue };
+                let Some(found) = sites.fitted(pixel) else { continue };
                 let is_inner = x.min(y) >= 3.0 && x.max(y + 4.0) <= 20.0;
                 let (sum, count) = if is_inner { &mut inner } else { &mut rim };
                 *sum += (found.x - light(x, y)).powi(2) / (DEVIATION * DEVIATION);
@@ -322,11 +336,11 @@ mod tests {
     fn no_window_crosses_the_edge_of_a_shadow() {
         let sites = floor(1e-4, |x, y| if x < 12.0 { 1.0 } else { 0.0 } + 0.01 * noise(3, x, y));
         for (pixel, x, _) in pixels() {
-            let Some(found) = sites.fit(pixel) else { continue };
+            let Some(found) = sites.fitted(pixel) else { continue };
             assert!(!(10.0..14.0).contains(&x), "column {x}: {found}");
             assert!((found.x - if x < 12.0 { 1.0 } else { 0.0 }).abs() < 0.04, "column {x}: {found}");
         }
-        let far = pixels().filter(|(_, x, _)| *x < 8.0).filter(|(pixel, ..)| sites.fit(*pixel).is_some()).count();
+        let far = pixels().filter(|(_, x, _)| *x < 8.0).filter(|(pixel, ..)| sites.fitted(*pixel).is_some()).count();
         assert!(far > 8 * HEIGHT * 9 / 10, "{far} of {} away from it", 8 * HEIGHT);
     }
 
@@ -334,7 +348,7 @@ mod tests {
     fn surfaces_that_meet_in_the_picture_keep_apart() {
         let step = |x: f32| if x < 12.0 { 1.0 } else { 0.2 };
         let sites = stairs(1e-4, |x, y| step(x) + 0.01 * noise(5, x, y), |x| if x < 12 { 0.0 } else { 0.5 });
-        let found = pixels().filter_map(|(pixel, x, _)| sites.fit(pixel).map(|found| (found.x - step(x)).abs()));
+        let found = pixels().filter_map(|(pixel, x, _)| sites.fitted(pixel).map(|found| (found.x - step(x)).abs()));
         let (count, worst) = found.fold((0, 0.0f32), |(count, worst), off| (count + 1, worst.max(off)));
         assert!(count > WIDTH * HEIGHT * 9 / 10 && worst < 0.03, "{count} fitted, off by {worst}");
     }
@@ -342,14 +356,14 @@ mod tests {
     #[test]
     fn what_has_no_noise_and_what_takes_no_part_stays() {
         let clean = floor(0.0, |x, _| 1.0 + 0.1 * x);
-        assert!(pixels().all(|(pixel, ..)| clean.fit(pixel).is_none()), "no noise");
-        let alone = Sites::of(WIDTH, HEIGHT, |pixel| {
+        assert!(pixels().all(|(pixel, ..)| clean.fitted(pixel).is_none()), "no noise");
+        let alone = DirectFit::of(WIDTH, HEIGHT, |pixel| {
             let place = [(pixel % WIDTH) as f32, 0.0, (pixel / WIDTH) as f32];
             // Every fifth pixel of every fifth row.
             let is_there = (pixel % WIDTH).is_multiple_of(5) && (pixel / WIDTH).is_multiple_of(5);
             is_there.then_some(site(1.0, 1.0, 0.1, place))
         });
-        assert!(pixels().all(|(pixel, ..)| alone.fit(pixel).is_none()), "too few");
+        assert!(pixels().all(|(pixel, ..)| alone.fitted(pixel).is_none()), "too few");
     }
 
     #[test]
@@ -359,7 +373,7 @@ mod tests {
             let variance: f32 = 1e-4 / share;
             let column = |x: usize| if x.is_multiple_of(2) { 1.0 } else { -1.0 };
             let saw = |times: f32| {
-                Sites::of(WIDTH, HEIGHT, move |pixel| {
+                DirectFit::of(WIDTH, HEIGHT, move |pixel| {
                     let (column, x, y) = (column(pixel % WIDTH), (pixel % WIDTH) as f32, (pixel / WIDTH) as f32);
                     let off = times * column + if times > 0.0 { 0.0 } else { noise(1, x, y) };
                     Some(site(share, 1.0 + variance.sqrt() * off, variance, [0.01 * x, 0.0, 0.01 * y]))
@@ -367,7 +381,7 @@ mod tests {
             };
             // At the rim three columns are left of a window, through which some polynomial goes.
             let inner = || pixels().filter(|(_, x, _)| (2.0..22.0).contains(x));
-            let fitted = |sites: &Sites| inner().filter(|(pixel, ..)| sites.fit(*pixel).is_some()).count();
+            let fitted = |sites: &DirectFit| inner().filter(|(pixel, ..)| sites.fitted(*pixel).is_some()).count();
             assert_eq!(fitted(&saw(2.0)), 0, "{share}: no noise");
             assert!(fitted(&saw(0.0)) > WIDTH * HEIGHT / 2, "{share}: noise");
         }
@@ -375,7 +389,7 @@ mod tests {
 
     #[test]
     fn what_is_known_exactly_stays_and_tells_others() {
-        let sites = Sites::of(WIDTH, HEIGHT, |pixel| {
+        let sites = DirectFit::of(WIDTH, HEIGHT, |pixel| {
             let (x, y) = ((pixel % WIDTH) as f32, (pixel / WIDTH) as f32);
             let is_exact = x < 12.0;
             let (noise, variance) = if is_exact { (0.0, 0.0) } else { (0.01 * noise(7, x, y), 1e-4) };
@@ -384,9 +398,9 @@ mod tests {
             Some(known)
         });
         for (pixel, x, _) in pixels() {
-            assert!(x >= 12.0 || sites.fit(pixel).is_none(), "column {x}");
+            assert!(x >= 12.0 || sites.fitted(pixel).is_none(), "column {x}");
         }
-        let found = (0..HEIGHT).filter_map(|row| sites.fit(row * WIDTH + 12)).map(|found| (found.x - 1.0).powi(2));
+        let found = (0..HEIGHT).filter_map(|row| sites.fitted(row * WIDTH + 12)).map(|found| (found.x - 1.0).powi(2));
         let (count, sum) = found.fold((0, 0.0), |(count, sum), off| (count + 1, sum + off));
         assert!(count > HEIGHT / 2 && sum < 0.2 * 1e-4 * count as f32, "beside it: {count}, {sum:e}");
     }
@@ -394,7 +408,7 @@ mod tests {
     #[test]
     fn a_floor_behind_a_table_is_no_part_of_it() {
         // Seen at 5 degrees, from row to row a metre farther; the table's top is 0.5 m higher.
-        let sites = Sites::of(WIDTH, HEIGHT, |pixel| {
+        let sites = DirectFit::of(WIDTH, HEIGHT, |pixel| {
             let (x, y) = ((pixel % WIDTH) as f32, (pixel / WIDTH) as f32);
             let (is_table, value) = if y < 10.0 { (0.0, 1.0) } else { (1.0, 0.2) };
             let mut known = site(1.0, value + 0.01 * noise(9, x, y), 1e-4, [0.1 * x, 0.5 * is_table, -y]);
@@ -403,37 +417,44 @@ mod tests {
         });
         for (pixel, _, y) in pixels() {
             let value = if y < 10.0 { 1.0 } else { 0.2 };
-            let Some(found) = sites.fit(pixel) else { continue };
+            let Some(found) = sites.fitted(pixel) else { continue };
             assert!((found.x - value).abs() < 0.03, "row {y}: {found}");
         }
-        let beside = pixels().filter(|(pixel, _, y)| [9.0, 10.0].contains(y) && sites.fit(*pixel).is_some()).count();
+        let beside = pixels().filter(|(pixel, _, y)| [9.0, 10.0].contains(y) && sites.fitted(*pixel).is_some()).count();
         assert!(beside > WIDTH, "{beside} of {} beside the edge", 2 * WIDTH);
     }
 
     #[test]
     fn pictures_smaller_than_a_window_have_what_they_can() {
         for (width, height) in [(1, 1), (1, 30), (30, 1), (2, 7), (4, 4), (6, 6)] {
-            let sites = Sites::of(width, height, |pixel| {
+            let sites = DirectFit::of(width, height, |pixel| {
                 let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
                 Some(site(1.0, 1.0 + 0.01 * noise(2, x, y), 1e-4, [0.01 * x, 0.0, 0.01 * y]))
             });
-            let fitted = (0..width * height).filter(|&pixel| sites.fit(pixel).is_some()).count();
+            let fitted = (0..width * height).filter(|&pixel| sites.fitted(pixel).is_some()).count();
             assert_eq!(fitted > 0, width.min(height) >= 4, "{width} x {height}: {fitted}");
         }
     }
 
     #[test]
-    fn halves_tell_the_variance_of_the_whole() {
-        // Light over an albedo of 1/2: 2 in the first half, 4 in the other one, of as many samples.
-        let sample = |light: f32, first| Lit::new(Vec3::splat(light), Vec3::splat(0.5), first, true);
-        let mut lit = sample(1.0, true);
-        lit.join(&sample(2.0, false));
-        assert_eq!(lit.variance(Vec3::ONE, 2.0), Some(Vec3::ONE));
-        // Both become the first half of four.
-        lit.expect_more(Vec3::ONE, 2.0);
-        assert_eq!(lit.variance(Vec3::ONE, 2.0), None, "of nothing else yet");
-        lit.join(&sample(3.0, false));
-        lit.join(&sample(3.0, false));
-        assert_eq!((lit.sum.x, lit.variance(Vec3::splat(2.0), 4.0)), (9.0, Some(Vec3::splat(2.25))));
+    fn bands_are_fitted_as_one_picture_is() {
+        let planes = |pixel: usize| {
+            let (x, y) = ((pixel % WIDTH) as f32, (pixel / WIDTH) as f32);
+            let light = 1.0 + 0.02 * x - 0.03 * y + 0.01 * noise(4, x, y);
+            Some(site(0.5, light, 1e-4, [0.01 * x, 0.0, 0.01 * y]))
+        };
+        let whole = DirectFit::of(WIDTH, HEIGHT, planes).take_changes(true);
+        assert!(whole.len() > WIDTH * HEIGHT * 9 / 10, "{} fitted", whole.len());
+        for heights in [&[10, 10][..], &[1; HEIGHT], &[2, 3, 7, 8], &[18, 1, 1]] {
+            let (mut fit, mut changes, mut above) = (DirectFit::new(WIDTH), Vec::new(), 0);
+            for height in heights {
+                fit.append(WIDTH * height, |pixel| planes(WIDTH * above + pixel));
+                above += height;
+                changes.extend(fit.take_changes(above == HEIGHT));
+                let waiting = if above == HEIGHT { 0 } else { RADIUS.min(above) };
+                assert_eq!(fit.height(), waiting, "rows wait after {above} rows");
+            }
+            assert_eq!(changes, whole, "{heights:?}");
+        }
     }
 }
