@@ -6,6 +6,9 @@ use crate::{BallGrid, Record, Validity};
 
 /// Records and where they reach. They are entered one after another and keep their numbers, so the answer depends on
 /// the order of the calls alone.
+///
+/// It may be searched from many threads at once. Records that they make are entered when all are done, in an order that
+/// does not hang on the threads. One of n = 32 takes 60 to 85 kB, also if it reaches nobody: those need not be entered.
 #[derive(Debug, Default)]
 pub struct Index {
     validity: Validity,
@@ -27,6 +30,12 @@ impl Index {
     #[must_use]
     pub fn new(validity: Validity) -> Self {
         Self { validity, ..Self::default() }
+    }
+
+    /// The rules that it searches by, for those who make the next record.
+    #[must_use]
+    pub const fn validity(&self) -> &Validity {
+        &self.validity
     }
 
     /// Enters records in order.
@@ -126,16 +135,26 @@ mod tests {
     }
 
     #[test]
-    fn a_record_without_limit_reaches_everywhere() {
-        let validity = Validity { min_normal_cos: 1.0, ..Validity::default() };
-        let sky = record(Vec3A::ONE, Vec3A::Z, f32::INFINITY, &validity);
-        assert_eq!(sky.radius(), f32::INFINITY, "no limit was set");
-        let mut index = Index::new(validity);
-        index.extend([sky, record(Vec3A::ZERO, Vec3A::Z, 1.0, &validity)]);
-        for p in [Vec3A::ONE, Vec3A::splat(-1e6), Vec3A::new(1e15, -3.0, 0.0)] {
-            assert_eq!(index.best(p, Vec3A::Z).map(|f| (f.record, f.misfit)), Some((0, 0.0)), "at {p}");
+    fn a_record_of_the_sky_alone_reaches_as_far_as_is_allowed() {
+        for max_radius in [1.0, 1e15, f32::INFINITY] {
+            let validity = Validity { min_normal_cos: 1.0, max_radius, ..Validity::default() };
+            let mut index = Index::new(validity);
+            index.extend([record(Vec3A::ZERO, Vec3A::Z, f32::INFINITY, &validity)]);
+            let found = |p| index.best(p, Vec3A::Z).map(|found| (found.record, found.misfit));
+            let half = found(Vec3A::new(0.5 * max_radius, 0.0, 0.0));
+            assert_eq!(half, max_radius.is_finite().then_some((0, 0.5)), "nobody without a limit");
+            assert_eq!(found(Vec3A::new(1.01 * max_radius, 0.0, 0.0)), None);
+            assert_eq!(index.best(Vec3A::ZERO, Vec3A::Y), None, "only equal normals");
         }
-        assert_eq!(index.best(Vec3A::ZERO, Vec3A::Y), None, "only equal normals");
+    }
+
+    #[test]
+    fn what_lies_on_a_roof_does_not_serve_the_floor_below() {
+        let validity = Validity::for_scene(10.0);
+        let mut index = Index::new(validity);
+        index.extend([record(3.0 * Vec3A::Z, Vec3A::Z, f32::INFINITY, &validity)]);
+        assert!(index.best(Vec3A::new(0.3, 0.0, 3.0), Vec3A::Z).is_some(), "the roof");
+        assert_eq!(index.best(Vec3A::ZERO, Vec3A::Z), None, "the floor");
     }
 
     #[test]

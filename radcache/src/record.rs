@@ -35,7 +35,9 @@ pub struct Record {
 }
 
 impl Record {
-    /// Makes a record from samples taken at `centre` in `frame`, whose z axis is the normal there.
+    /// Makes a record from samples taken at `centre` in `frame`, whose z axis is the normal there. The frame must be
+    /// right-handed and of unit vectors at right angles, and radiance finite: what reprojects it relies on that, and it
+    /// is checked only where records are read from bytes.
     ///
     /// # Panics
     /// If `settings.layers` is 0 or above 256, or if the samples do not keep what [`Samples`] says of them: a texture

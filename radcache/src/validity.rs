@@ -13,18 +13,20 @@ pub struct Validity {
     /// corner, reaches nobody. Stretching it instead lets it reach across things that are smaller than that, and light
     /// leaks into the crease.
     pub min_radius: f32,
-    /// Largest reach.
+    /// Largest reach. What sees nothing but the sky reaches so far, and nobody where this is infinite.
     pub max_radius: f32,
     /// Smallest cosine between the normals of record and point.
     pub min_normal_cos: f32,
-    /// Texels nearer than this count as touching.
+    /// Texels nearer than this count as touching; 0 where none does.
     pub touching_distance: f32,
-    /// Records with more than this share of touching texels start outside the geometry or in a seam and are refused.
+    /// Records with more than this share of touching texels start outside the geometry or in a seam and are refused;
+    /// others reach no farther than the nearest of them.
     pub max_touching_share: f32,
 }
 
 impl Default for Validity {
-    /// Spacing 0.3, normals within 26 degrees, 2 % of the texels may touch; the radius is not limited.
+    /// Spacing 0.3, normals within 26 degrees; no radius is too small or too large, and nothing touches. Good for a room
+    /// alone: a renderer that has a sky or wide spaces starts from [`Self::for_scene`].
     fn default() -> Self {
         Self {
             spacing: 0.3,
@@ -38,6 +40,27 @@ impl Default for Validity {
 }
 
 impl Validity {
+    /// Rules for a scene whose bounding box has a diagonal of `size` metres: as [`Self::default`], but reaches between a
+    /// thousandth and a tenth of it, and 2 % of the texels may be nearer than 1e-5 of it.
+    ///
+    /// Without a largest reach, a record that sees hardly anything near would serve the floor under the roof on which it
+    /// lies; without a smallest one, records in creases would take memory and serve nobody.
+    ///
+    /// # Examples
+    /// ```
+    /// use radcache::glam::{Vec3, Vec3A};
+    /// use radcache::{Samples, Validity};
+    ///
+    /// let sky = Samples::from_fn(8, |wi| (Vec3::ONE, f32::INFINITY, -wi));
+    /// assert_eq!(Validity::for_scene(20.0).radius(&sky), 2.0);
+    /// assert_eq!(Validity::default().radius(&sky), 0.0);
+    /// ```
+    #[must_use]
+    pub fn for_scene(size: f32) -> Self {
+        let (min_radius, max_radius, touching_distance) = (1e-3 * size, 0.1 * size, 1e-5 * size);
+        Self { min_radius, max_radius, touching_distance, ..Self::default() }
+    }
+
     /// The reach of a record with these samples: 0 for one that must not serve anybody.
     ///
     /// It never exceeds the distance to the nearest hit, so that it cannot reach through a wall.
@@ -51,7 +74,9 @@ impl Validity {
         const NEAREST_SHARE: f32 = 0.9;
         let nearest = NEAREST_SHARE * samples.nearest_distance();
         let reach = (self.spacing * samples.harmonic_distance()).min(nearest);
-        if reach < self.min_radius { 0.0 } else { reach.min(self.max_radius) }
+        let reach = if reach < self.min_radius { 0.0 } else { reach.min(self.max_radius) };
+        // How far a sky is the same, no distance tells.
+        if reach.is_finite() { reach } else { 0.0 }
     }
 
     /// Whether the samples started outside the geometry: too many rays ended at once.
@@ -93,7 +118,8 @@ mod tests {
         assert_eq!(capped.radius(&ceiling), 0.5, "capped");
         let sky = Samples::from_fn(16, |wi| (Vec3::ONE, f32::INFINITY, -wi));
         assert_eq!(capped.radius(&sky), 0.5, "an open sky reaches the cap");
-        assert_eq!(Validity { spacing: 0.0, ..rules }.radius(&sky), 0.0, "but not without spacing");
+        assert_eq!(Validity { spacing: 0.0, ..capped }.radius(&sky), 0.0, "but not without spacing");
+        assert_eq!(rules.radius(&sky), 0.0, "nor without a cap");
     }
 
     #[test]

@@ -6,17 +6,17 @@
 //! | way | crates | indirect light of a pixel |
 //! |---|---|---|
 //! | paths | hemimap, freeform | random directions |
-//! | gather | and radcache | 32 x 32 stratified directions |
-//! | reproject | and reproject | what a record nearby saw, seen from here |
+//! | gather | and radcache, reproject | 32 x 32 stratified directions |
+//! | reproject | as gather | what a record nearby saw, seen from here |
 //!
 //! A table on stdout tells the rays of each way and its error, against 48 x 48 directions.
 
 use std::f32::consts::FRAC_1_PI;
 
 use freeform::{FreeForm, Perturbation, Quadric, Ray, Solid};
-use glam::{DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
+use hemimap::glam::{DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 use hemimap::{Frame, square_to_cosine_hemisphere};
-use radcache::{Index, Record, RecordSettings, Samples, Validity};
+use radcache::{Index, Record, RecordSettings, Validity};
 use reproject::{Settings, Traced, Tracer, Workspace};
 
 const SIZE: [usize; 2] = [144, 96];
@@ -45,6 +45,9 @@ struct Hit {
 }
 
 impl World {
+    /// Diagonal of the room, metres.
+    const SIZE: f32 = 6.2;
+
     fn new() -> Result<Self, freeform::FormError> {
         let block = |min: [f32; 3], max: [f32; 3], albedo: [f32; 3]| Block {
             min: min.into(),
@@ -138,20 +141,12 @@ fn paths(world: &mut World, hit: &Hit, count: u64, seed: u64) -> Vec3 {
     sum / count as f32
 }
 
-/// The same by n x n stratified directions, which are kept.
-fn gather(world: &mut World, hit: &Hit, n: usize, seed: u64) -> (Frame, Samples) {
-    let frame = Frame::from_normal(hit.n);
-    let mut samples = Samples::new(n);
-    for texel in 0..n * n {
-        let names = 2 * texel as u64;
-        samples.set_jitter(texel, Vec2::new(random(seed, names), random(seed, names + 1)));
-        let found = world.incident(hit.p, frame.to_world(samples.direction(texel)));
-        samples.set(texel, found.radiance, found.distance, frame.to_local(found.normal));
-    }
-    (frame, samples)
+/// The same by n x n stratified directions.
+fn gather(world: &mut World, hit: &Hit, n: usize, seed: u64) -> Vec3 {
+    reproject::gather(&Frame::from_normal(hit.n), n, seed, &mut Rays { world, p: hit.p }).mean_radiance()
 }
 
-/// Answers the rays that a reprojection asks for.
+/// Answers the rays that a gather or a reprojection asks for.
 struct Rays<'a> {
     world: &'a mut World,
     p: Vec3A,
@@ -167,19 +162,23 @@ impl Tracer for Rays<'_> {
 
 /// The same by the best record, or by a new one where none serves.
 fn reproject(world: &mut World, index: &mut Index, workspace: &mut Workspace, hit: &Hit, seed: u64) -> Vec3 {
+    let mut rays = Rays { world, p: hit.p };
     if let Some(found) = index.best(hit.p, hit.n) {
-        let (record, mut rays) = (index.record(found.record), Rays { world, p: hit.p });
+        let record = index.record(found.record);
         workspace.project(record, hit.p, hit.n, &Settings::default());
         // Four rays see whether the record knows what stands around this point.
-        let verdict = workspace.verify(record, 2, seed, &mut rays);
-        if 2 * verdict.wrong <= verdict.asked {
+        if workspace.verify(record, 2, seed, &mut rays).holds() {
             workspace.trace_holes(2, seed, &mut rays);
             return workspace.mean_radiance();
         }
     }
-    let (frame, samples) = gather(world, hit, 32, seed);
-    let mean = samples.mean_radiance();
-    index.extend([Record::new(hit.p, frame, samples, &RecordSettings::default(), &Validity::default())]);
+    let frame = Frame::from_normal(hit.n);
+    let samples = reproject::gather(&frame, 32, seed, &mut rays);
+    let record = Record::new(hit.p, frame, samples, &RecordSettings::default(), index.validity());
+    let mean = record.mean_radiance();
+    if record.radius() > 0.0 {
+        index.extend([record]);
+    }
     mean
 }
 
@@ -208,10 +207,10 @@ fn error(picture: &[Vec3], truth: &[Vec3]) -> f32 {
 #[expect(clippy::print_stdout, reason = "the table is the result")]
 fn main() -> Result<(), freeform::FormError> {
     let mut world = World::new()?;
-    let (truth, _) = render(&mut world, |world, hit, seed| gather(world, hit, 48, seed ^ 1 << 40).1.mean_radiance());
+    let (truth, _) = render(&mut world, |world, hit, seed| gather(world, hit, 48, seed ^ 1 << 40));
     let by_paths = render(&mut world, |world, hit, seed| paths(world, hit, 128, seed));
-    let by_gathers = render(&mut world, |world, hit, seed| gather(world, hit, 32, seed).1.mean_radiance());
-    let (mut index, mut workspace) = (Index::new(Validity::default()), Workspace::new());
+    let by_gathers = render(&mut world, |world, hit, seed| gather(world, hit, 32, seed));
+    let (mut index, mut workspace) = (Index::new(Validity::for_scene(World::SIZE)), Workspace::new());
     let by_records = render(&mut world, |world, hit, seed| reproject(world, &mut index, &mut workspace, hit, seed));
 
     println!("{:10} {:>12} {:>9}", "way", "rays a pixel", "relMSE");

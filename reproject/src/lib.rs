@@ -2,6 +2,7 @@
 #![deny(unsafe_code)]
 
 mod clip;
+mod gather;
 mod holes;
 mod horizon;
 mod kernel;
@@ -14,6 +15,7 @@ mod tracer;
 mod verify;
 mod workspace;
 
+pub use gather::gather;
 pub use glam;
 pub use kernel::{Kernel, project_corners};
 pub use masks::{Masks, Rows};

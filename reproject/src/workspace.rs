@@ -171,7 +171,7 @@ impl Workspace {
     /// Traces one ray for each block of `step x step` texels with a gap, through a random unfilled texel of it, and
     /// gives the number of rays. The same seed gives the same rays. `step` is k of the paper, where 2 is a good choice;
     /// 0 counts as 1.
-    pub fn trace_holes(&mut self, step: u32, seed: u64, tracer: &mut impl Tracer) -> usize {
+    pub fn trace_holes(&mut self, step: u32, seed: u64, tracer: &mut (impl Tracer + ?Sized)) -> usize {
         self.find_holes(step, seed, |_| true);
         self.trace_found(tracer)
     }
@@ -181,13 +181,19 @@ impl Workspace {
     ///
     /// # Panics
     /// If there are not n x n weights.
-    pub fn trace_holes_under(&mut self, weights: &[Vec3], step: u32, seed: u64, tracer: &mut impl Tracer) -> usize {
+    pub fn trace_holes_under(
+        &mut self,
+        weights: &[Vec3],
+        step: u32,
+        seed: u64,
+        tracer: &mut (impl Tracer + ?Sized),
+    ) -> usize {
         assert_eq!(weights.len(), self.n * self.n, "a weight for each texel");
         self.find_holes(step, seed, |texel| weights[texel] != Vec3::ZERO);
         self.trace_found(tracer)
     }
 
-    fn trace_found(&mut self, tracer: &mut impl Tracer) -> usize {
+    fn trace_found(&mut self, tracer: &mut (impl Tracer + ?Sized)) -> usize {
         self.traced.clear();
         self.traced.resize(self.holes.len(), Traced::default());
         tracer.trace(&self.directions, &mut self.traced);

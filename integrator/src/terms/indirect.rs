@@ -316,10 +316,8 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         seed: u64,
         tracer: &mut PointTracer<'_, S>,
     ) -> (bool, Verdict, Option<Verdict>) {
-        /// Half of the first rays are in doubt...
-        const DOUBT: f32 = 0.5;
-        /// ... and a fifth of the second ones refuse the record: four rays alone would refuse good ones at their
-        /// silhouettes.
+        /// Where half of the first rays are wrong, a fifth of the second ones refuse the record: four rays alone would
+        /// refuse good ones at their silhouettes.
         const REFUSED: f32 = 0.2;
         let side = self.plan.records.verify_side;
         if side == 0 {
@@ -327,7 +325,7 @@ impl<S: Secondary> IndirectTerm<'_, S> {
         }
         let share = |verdict: Verdict| verdict.wrong as f32 / verdict.asked.max(1) as f32;
         let first = workspace.verify(record, side, seed, tracer);
-        if first.asked > 0 && share(first) < DOUBT {
+        if first.holds() {
             return (true, first, None);
         }
         let second = workspace.verify(record, 2 * side, seed, tracer);
