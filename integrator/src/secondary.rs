@@ -31,8 +31,8 @@ pub trait Secondary: Sync {
 
     /// One of two parts of [`Self::caustic_irradiance`], which is this over [`Self::caustic_coverage`]: what can be
     /// asked for many places of a pixel. Its radius is about the least length, metres, over which caustics change on
-    /// any place of the surface that is at most `reach` away; 0 where that is not known.
-    fn covered_caustic_irradiance(&self, surface: &Surface, _reach: f32) -> Irradiance {
+    /// any place of the surface that is at most `reach` away, or any that is at most `fine`; 0 where that is not known.
+    fn covered_caustic_irradiance(&self, surface: &Surface, _reach: f32, _fine: f32) -> Irradiance {
         Irradiance { irradiance: self.caustic_irradiance(surface), radius: 0.0 }
     }
 

@@ -184,8 +184,8 @@ impl Secondary for CellSource<'_> {
         self.photons.caustic_irradiance(surface)
     }
 
-    fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> Irradiance {
-        self.photons.covered_caustic_irradiance(surface, reach)
+    fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32, fine: f32) -> Irradiance {
+        self.photons.covered_caustic_irradiance(surface, reach, fine)
     }
 
     fn caustic_coverage(&self, surface: &Surface) -> f32 {

@@ -86,20 +86,20 @@ impl CausticMap {
     /// Returns the irradiance at `p` on the side of the unit normal `n`, with the mean radius of the discs by what they
     /// give; 0 where there is none.
     pub(super) fn irradiance(&self, p: Vec3A, n: Vec3A) -> Irradiance {
-        let sums = self.add_all::<false>(p, n, 0.0);
+        let sums = self.add_all::<false>(p, n, 0.0, 0.0);
         let most = sums.most.iter().sum::<f32>();
         let radius = if most > 0.0 { sums.radius.iter().sum::<f32>() / most } else { 0.0 };
         Irradiance { radius, ..sums.total() }
     }
 
-    /// The same with the least radius of the discs that give light to any place of the surface up to `reach` from `p`;
-    /// infinite where none does.
-    pub(super) fn irradiance_and_detail(&self, p: Vec3A, n: Vec3A, reach: f32) -> Irradiance {
-        self.add_all::<true>(p, n, reach).total()
+    /// The same with the least radius of the discs that give light to any place of the surface up to `reach` from `p`,
+    /// or one of at most `fine` if there is any; infinite where none does.
+    pub(super) fn irradiance_and_detail(&self, p: Vec3A, n: Vec3A, reach: f32, fine: f32) -> Irradiance {
+        self.add_all::<true>(p, n, reach, fine).total()
     }
 
-    /// Adds up all discs; `DETAIL` asks for the least of those within `reach`.
-    fn add_all<const DETAIL: bool>(&self, p: Vec3A, n: Vec3A, reach: f32) -> Sums {
+    /// Adds up all discs; `DETAIL` asks for the least of those within `reach`, until one is as `fine`.
+    fn add_all<const DETAIL: bool>(&self, p: Vec3A, n: Vec3A, mut reach: f32, fine: f32) -> Sums {
         let mut sums = Sums::default();
         let (p, n) = (Vec3::from(p), Vec3::from(n));
         let mut at = 0;
@@ -111,6 +111,9 @@ impl CausticMap {
             at += 1;
             if node.size == 1 {
                 self.leaves[node.leaf as usize].add::<DETAIL>(p, n, reach, &mut sums);
+                if DETAIL && reach > 0.0 && sums.least.iter().any(|least| *least <= fine) {
+                    reach = 0.0;
+                }
             }
         }
         sums
@@ -300,6 +303,25 @@ mod tests {
                 assert!((found - all).abs() <= 1e-4 * all, "{count} photons: {found}, {all}");
             }
             assert_eq!(map.irradiance(Vec3A::ZERO, Vec3A::NEG_Z).irradiance, Vec3::ZERO, "the other side");
+        }
+    }
+
+    #[test]
+    fn the_search_for_detail_ends_where_it_is_fine_enough() {
+        let photons = focused();
+        let map = CausticMap::new(&photons, 80, None).unwrap();
+        let tree = Tree::new(&photons, 80, None).unwrap();
+        // Beside the focus and the line, so that both are within some of the reaches.
+        let p = Vec3A::new(0.02, 0.1, 0.0);
+        for reach in [0.0, 0.01, 0.15, 1.0] {
+            let within = tree.discs.iter().filter(|disc| disc.center.distance(p) < disc.radius + reach);
+            let least = within.map(|disc| disc.radius).fold(f32::INFINITY, f32::min);
+            for fine in [0.0, 0.5 * least, 2.0 * least] {
+                let found = map.irradiance_and_detail(p, Vec3A::Z, reach, fine);
+                assert_eq!(found.irradiance, map.irradiance(p, Vec3A::Z).irradiance, "reach {reach}, fine {fine}");
+                let is_right = if fine < least { found.radius == least } else { found.radius <= fine };
+                assert!(is_right, "{} for a least radius of {least}, reach {reach}, fine {fine}", found.radius);
+            }
         }
     }
 

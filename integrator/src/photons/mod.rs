@@ -381,9 +381,9 @@ impl Secondary for PhotonSource<'_> {
         self.maps.caustic_irradiance(self.scene, surface.p, surface.ng)
     }
 
-    fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> Irradiance {
+    fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32, fine: f32) -> Irradiance {
         let map = self.maps.caustic.as_ref();
-        map.map_or(Irradiance::DARK, |map| map.irradiance_and_detail(surface.p, surface.ng, reach))
+        map.map_or(Irradiance::DARK, |map| map.irradiance_and_detail(surface.p, surface.ng, reach, fine))
     }
 
     fn caustic_coverage(&self, surface: &Surface) -> f32 {

@@ -105,7 +105,10 @@ impl SurfacePoint {
         // By all that a pixel may see, as long as it lies on the surface, or the number would depend on what was found,
         // and means be wrong.
         let reach = if is_first { self.footprint / self.shading.wo.z.max(MIN_COS) } else { 0.0 };
-        let found = secondary.covered_caustic_irradiance(surface, reach);
+        // Where they are as fine, there are as many as ever; a pixel that is wide beside them would see thousands of
+        // photons.
+        let fine = self.footprint * (LOOKS_PER_RADIUS / MAX_LOOKS);
+        let found = secondary.covered_caustic_irradiance(surface, reach, fine);
         if self.footprint > found.radius && found.irradiance != Vec3::ZERO {
             // The edges of what photons lie on are within the pixel, not around all of it.
             self.caustics.covered += found.irradiance / secondary.caustic_coverage(surface);
@@ -113,7 +116,8 @@ impl SurfacePoint {
             self.caustics.sum += found.irradiance;
         }
         self.caustics.count += 1;
-        self.caustics.detail = self.caustics.detail.min(found.radius);
+        let detail = if found.radius > fine { found.radius } else { 0.0 };
+        self.caustics.detail = self.caustics.detail.min(detail);
     }
 
     /// Adds a sample to the point of its surface, which is seen `length` metres away, or starts one; returns it.
@@ -282,7 +286,7 @@ mod tests {
             Vec3::splat(surface.p.x)
         }
 
-        fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> crate::Irradiance {
+        fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32, _: f32) -> crate::Irradiance {
             assert!(reach == 0.0 || reach == 0.01, "the width of the pixel, or nothing: {reach}");
             crate::Irradiance { irradiance: self.caustic_irradiance(surface), radius: self.0 }
         }
@@ -328,7 +332,7 @@ mod tests {
             Vec3::splat(if surface.p.x.rem_euclid(0.25) < 0.02 { 1.0 } else { 0.0 })
         }
 
-        fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32) -> crate::Irradiance {
+        fn covered_caustic_irradiance(&self, surface: &Surface, reach: f32, _: f32) -> crate::Irradiance {
             let x = surface.p.x.rem_euclid(0.25);
             let radius = if x < 0.02 + reach || x > 0.25 - reach { 0.002 } else { f32::INFINITY };
             crate::Irradiance { irradiance: self.caustic_irradiance(surface), radius }
