@@ -184,6 +184,18 @@ pub(crate) struct DirectLight<'a> {
     plane: Option<&'a mut Plane>,
 }
 
+/// A sample of direct light.
+#[derive(Debug)]
+pub(crate) struct LightWay<'a> {
+    pub(crate) light: LightDirection<'a>,
+    /// Local frame.
+    pub(crate) wi: Vec3A,
+    /// What it brings.
+    pub(crate) value: Vec3,
+    /// Whether that is nothing because something stands between.
+    pub(crate) is_hidden: bool,
+}
+
 impl<'a> DirectLight<'a> {
     pub(crate) fn new(scene: &'a Scene, shading: &'a Shading, lobes: Lobes, ways: LightWays<'a>) -> Self {
         let Surface { p, n, .. } = shading.surface;
@@ -209,12 +221,17 @@ impl<'a> DirectLight<'a> {
     /// Takes one sample.
     #[inline]
     pub(crate) fn sample(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Vec3 {
-        self.sample_way(u, rays).map_or(Vec3::ZERO, |(_, value)| value)
+        self.sample_way(u, rays).map_or(Vec3::ZERO, |way| way.value)
     }
 
-    /// Takes one sample, and returns the local direction to it, too.
+    /// The lights as the point sees them.
+    pub(crate) const fn lights(&self) -> &SeenLights<'a> {
+        &self.lights
+    }
+
+    /// Takes one sample, and returns how, too.
     #[inline]
-    pub(crate) fn sample_way(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Option<(Vec3A, Vec3)> {
+    pub(crate) fn sample_way(&mut self, u: [f32; 4], rays: &mut RayCounts) -> Option<LightWay<'a>> {
         if !self.shading.bsdf.scatters(self.lobes) {
             return None;
         }
@@ -228,10 +245,11 @@ impl<'a> DirectLight<'a> {
         let surface = &self.shading.surface;
         let plane = self.plane.as_deref_mut();
         if is_hidden(self.scene, surface, &light, plane, rays) {
-            return Some((wi, Vec3::ZERO));
+            return Some(LightWay { light, wi, value: Vec3::ZERO, is_hidden: true });
         }
         let value = value.unwrap_or_else(|| self.value(&light, wi));
-        Some((wi, value * self.scene.transmittance_within(surface.media, light.distance())))
+        let value = value * self.scene.transmittance_within(surface.media, light.distance());
+        Some(LightWay { light, wi, value, is_hidden: false })
     }
 
     /// Chooses one of several directions by what they would bring.

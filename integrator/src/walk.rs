@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use scene::{LightChoice, Lobes, Scene, SeenLights, Specular, Surface};
 
 use crate::sampler::Sampler;
-use crate::secondary::{DirectLight, LightWays, Shading, light_candidates, mis_weight, unsampled_emission};
+use crate::secondary::{DirectLight, LightWay, LightWays, Shading, light_candidates, mis_weight, unsampled_emission};
 use crate::statistics::RayCounts;
 
 /// From this bounce on, walks are ended by roulette, and from the other on even if nothing is absorbed, as inside of
@@ -75,7 +75,8 @@ pub(crate) fn walk(
             let lobes = if taken == Taken::All { Lobes::SPECULAR } else { Lobes::ALL };
             let ways = LightWays { count: candidates, choice: visitor.light_choice(), sky: None };
             let u = sampler.next_4d_for(candidates > 1 || scene.lights().has_choice());
-            if let Some((wi, value)) = DirectLight::new(scene, &shading, lobes, ways).sample_way(u, rays) {
+            if let Some(LightWay { wi, value, .. }) = DirectLight::new(scene, &shading, lobes, ways).sample_way(u, rays)
+            {
                 if bounce == 1 {
                     visitor.turn(Some((lobes, wi)));
                 }

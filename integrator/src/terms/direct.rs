@@ -10,10 +10,13 @@ use crate::delta_ways::{Way, delta_ways};
 use crate::follower::{Follower, Reflection};
 use crate::plan::Plan;
 use crate::sampler::Sampler;
-use crate::secondary::{DirectLight, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
+use crate::secondary::{
+    DirectLight, LightWay, LightWays, Secondary, Shading, mis_weight, unsampled_emission, unshadowed,
+};
 use crate::shadows::Plane;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
+use crate::terms::behind_glass::{LampBehind, lobe_share};
 use crate::terms::guide::{Guide, LobeGuide};
 use crate::terms::light_guide::{LightGuide, takes_guide};
 
@@ -60,22 +63,49 @@ pub(crate) struct Sight {
     /// Straight from a source.
     pub(crate) emitted: Vec3,
     /// From one by way of mirrors and glass alone.
-    pub(crate) caustic: Vec3,
+    pub(crate) caustic: Caustic,
     /// All else that is reflected, where the lobe is traced.
     pub(crate) reflection: Reflection,
+}
+
+/// Radiance of the sources at the ends of chains of mirrors and glass.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Caustic {
+    /// Of surfaces that shine.
+    pub(crate) lamps: Vec3,
+    pub(crate) surroundings: Vec3,
 }
 
 impl Sight {
     /// Radiance that is reflected to the lobe that looked.
     pub(crate) fn reflected(&self) -> Vec3 {
-        self.caustic + self.reflection.radiance()
+        self.caustic.lamps + self.caustic.surroundings + self.reflection.radiance()
     }
 
-    /// Returns the radiance that is reflected to lobes that look here along other unit vectors.
+    /// Returns the radiance that is reflected to lobes that look here along other unit vectors, but that of lamps at the
+    /// ends of chains.
     pub(crate) fn reflected_along(&self) -> impl Fn(Vec3A) -> Vec3 {
-        let caustic = self.caustic;
+        let caustic = self.caustic.surroundings;
         let towards = self.met.as_ref().map(|met| self.reflection.towards(met));
         move |wi| caustic + towards.as_ref().map_or(Vec3::ZERO, |towards| towards(-wi))
+    }
+
+    /// Returns what a lobe that sees this too, along the unit vector `wi` which it takes with density `pdf`, counts of
+    /// the light of lamps at the ends of chains, beside light samples of the `surface` that look for them.
+    pub(crate) fn lamps_to<'a>(
+        &self,
+        scene: &Scene,
+        surface: &Surface,
+        lights: impl FnOnce() -> SeenLights<'a>,
+        wi: Vec3A,
+        pdf: f32,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        let Caustic { lamps, .. } = self.caustic;
+        if lamps == Vec3::ZERO || !scene.features().transmissive {
+            return lamps;
+        }
+        lamps * lobe_share(LampBehind::new(scene, surface, wi, &lights(), rays), pdf)
     }
 
     /// Returns what a lobe that sees this too, along the unit vector `wi` which it takes with density `pdf`, counts of
@@ -119,19 +149,25 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let ways = LightWays { count: 1, choice: self.light_choice(shading, position), sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways).on(plane);
         let (mut sum_sq, mut is_exact) = (0.0, false);
+        let features = self.scene.features();
+        let looks_on = features.transmissive && features.area_lights && shading.bsdf.has_glossy();
         for mut sampler in sampler.split_into(count) {
             if let Some(exact) = lights.exact() {
                 (light.direct, sum_sq, is_exact) = (exact, 0.0, true);
                 break;
             }
             // The light and the point on it from one block, so that samples are stratified on each light too.
-            let found = lights.sample(sampler.next_4d_for(has_light_choice), rays);
-            light.direct += found / count as f32;
-            sum_sq += (found.element_sum() / 3.0).powi(2);
+            let Some(way) = lights.sample_way(sampler.next_4d_for(has_light_choice), rays) else { continue };
+            light.direct += way.value / count as f32;
+            sum_sq += (way.value.element_sum() / 3.0).powi(2);
+            if way.is_hidden && looks_on {
+                let behind = self.behind_glass(shading, &way, lights.lights(), &mut sampler, rays);
+                light.specular += behind / count as f32;
+            }
         }
         let mean = light.direct.element_sum() / 3.0;
         let variance = (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32;
-        if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
+        if features.emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
             is_exact = false;
         }
@@ -201,13 +237,54 @@ impl<S: Secondary> DirectTerm<'_, S> {
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Light {
-        self.light_of(shading, position, way, &self.look_along(shading, way.wi, sampler, rays))
+        let sight = self.look_along(shading, way.wi, sampler, rays);
+        self.light_of(shading, position, way, &sight, rays)
     }
 
     /// Returns the light by what a sample of the lobe sees.
-    pub(crate) fn light_of(&self, shading: &Shading, position: UVec2, way: &LobeWay, sight: &Sight) -> Light {
-        let emitted = sight.emitted_to(|| self.lights_of_gloss(shading, position), sight.wi, way.pdf);
-        Light { direct: way.weight * emitted, specular: way.weight * sight.reflected() }
+    pub(crate) fn light_of(
+        &self,
+        shading: &Shading,
+        position: UVec2,
+        way: &LobeWay,
+        sight: &Sight,
+        rays: &mut RayCounts,
+    ) -> Light {
+        let lights = || self.lights_of_gloss(shading, position);
+        let emitted = sight.emitted_to(lights, sight.wi, way.pdf);
+        let lamps = sight.lamps_to(self.scene, &shading.surface, lights, sight.wi, way.pdf, rays);
+        let reflected = lamps + sight.caustic.surroundings + sight.reflection.radiance();
+        Light { direct: way.weight * emitted, specular: way.weight * reflected }
+    }
+
+    /// Returns what the glossy lobe reflects of a lamp towards which a light sample met glass.
+    fn behind_glass(
+        &self,
+        shading: &Shading,
+        way: &LightWay<'_>,
+        lights: &SeenLights<'_>,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        /// Where gloss would bring less than this share of the lamp's light, it is looked for as seldom as it is less.
+        const WORTH: f32 = 0.5;
+        let Some(light) = way.light.sample() else { return Vec3::ZERO };
+        let Shading { bsdf, wo, .. } = shading;
+        let share = |lobes| unshadowed(bsdf, lobes, *wo, way.wi, &light, None).max_element();
+        let survival = (share(Lobes::SPECULAR) / (WORTH * share(Lobes::ALL))).min(1.0);
+        if sampler.next_pair().x >= survival {
+            return Vec3::ZERO;
+        }
+        let (wi, distance) = (way.light.wi(), way.light.distance());
+        let lamp = LampBehind::new(self.scene, &shading.surface, wi, lights, rays);
+        let Some(lamp) = lamp.filter(|lamp| lamp.is_at(distance)) else { return Vec3::ZERO };
+        let ray = shading.surface.spawn(wi);
+        rays.path += 1;
+        let Some(hit) = self.scene.intersect(&ray) else { return Vec3::ZERO };
+        let met = Shading::new(self.scene, self.scene.surface(&ray, &hit), wi);
+        let lamps = self.caustic_from(met, sampler, rays).lamps;
+        let (f, lobe_pdf) = bsdf.eval_pdf(Lobes::SPECULAR, *wo, way.wi);
+        f * lamps * (way.wi.z * mis_weight(lamp.pdf, lobe_pdf) / (lamp.pdf * survival))
     }
 
     /// Returns what a glossy lobe sees along the local direction `wi`.
@@ -223,12 +300,12 @@ impl<S: Secondary> DirectTerm<'_, S> {
         rays.path += 1;
         let Some(hit) = self.scene.intersect(&ray) else {
             let emitted = self.scene.background(wi);
-            return Sight { wi, met: None, emitted, caustic: Vec3::ZERO, reflection: Reflection::DARK };
+            return Sight { wi, met: None, emitted, caustic: Caustic::default(), reflection: Reflection::DARK };
         };
         let met = Shading::new(self.scene, self.scene.surface(&ray, &hit), wi);
         let emitted = self.scene.emission(&met.surface) * self.scene.transmittance(&met.surface);
         let has_caustic = self.scene.features().delta;
-        let caustic = if has_caustic { self.caustic_from(met, sampler, rays) } else { Vec3::ZERO };
+        let caustic = if has_caustic { self.caustic_from(met, sampler, rays) } else { Caustic::default() };
         let reflection = if self.plan.lobes.traces(shading) {
             let follower = Follower { scene: self.scene, secondary: self.secondary, spread: shading.lobe_alpha() };
             follower.reflection(met, sampler, rays)
@@ -240,7 +317,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
 
     /// Radiance of the sources at the ends of chains of mirrors and glass that start at a surface that a ray met: L_c
     /// along the ray. Black where it is anything else.
-    fn caustic_from(&self, met: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+    fn caustic_from(&self, met: Shading, sampler: &mut Sampler, rays: &mut RayCounts) -> Caustic {
         /// Surfaces of a chain from which both ways are followed: one chosen by its share would find a lamp that glass
         /// mirrors seldom, and then all of it.
         const SPLITS: usize = 2;
@@ -249,10 +326,10 @@ impl<S: Secondary> DirectTerm<'_, S> {
         const MIN_THROUGHPUT: f32 = 0.2;
         const MAX_CHAIN: usize = 64;
         if !met.bsdf.has_delta() {
-            return Vec3::ZERO;
+            return Caustic::default();
         }
         let mut sampler = sampler.split();
-        let mut sum = Vec3::ZERO;
+        let mut sum = Caustic::default();
         // Where chains go on: the throughput, the part of it by which radiance changes in glass, the number of
         // surfaces.
         let mut stack = ArrayVec::<(Shading, Vec3, f32, usize), { SPLITS + 1 }>::new();
@@ -263,12 +340,12 @@ impl<S: Secondary> DirectTerm<'_, S> {
                 let Way { ray, mut beta, radiance_scale, .. } = way;
                 rays.path += 1;
                 let Some(hit) = self.scene.intersect(&ray) else {
-                    sum += beta * self.scene.background(ray.direction);
+                    sum.surroundings += beta * self.scene.background(ray.direction);
                     continue;
                 };
                 let surface = self.scene.surface(&ray, &hit);
                 beta *= self.scene.transmittance(&surface);
-                sum += beta * self.scene.emission(&surface);
+                sum.lamps += beta * self.scene.emission(&surface);
                 let next = Shading::new(self.scene, surface, ray.direction);
                 if next.bsdf.has_delta() && length + 1 < MAX_CHAIN {
                     stack.push((next, beta, radiance_scale, length + 1));
@@ -348,7 +425,8 @@ pub(crate) mod tests {
             let term = term(&scene, &plan);
             let ray = Ray::new(Vec3A::new(0.0, 0.9, 0.0), Vec3A::NEG_Y);
             let met = Shading::new(&scene, scene.surface(&ray, &scene.intersect(&ray).unwrap()), ray.direction);
-            let sample = |number| term.caustic_from(met, &mut Sampler::new(1, number, 0), &mut RayCounts::default()).x;
+            let sample =
+                |number| term.caustic_from(met, &mut Sampler::new(1, number, 0), &mut RayCounts::default()).lamps.x;
             (0..4000).map(sample).collect()
         };
         let r = fresnel_dielectric(1.0, 1.5);

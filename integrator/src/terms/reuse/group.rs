@@ -162,9 +162,10 @@ impl Group<'_> {
             let gloss = met.and_then(|met| width(&met.bsdf));
             if is_alone || gloss.is_some_and(|width| is_met_near(GLOSS * width)) {
                 let position = self.points[found.from].1.position;
-                lights[found.from].add(&direct.light_of(&shadings[found.from], position, &found.way, &found.sight));
+                let light = direct.light_of(&shadings[found.from], position, &found.way, &found.sight, rays);
+                lights[found.from].add(&light);
             } else if found.sight.emitted + found.sight.reflected() != Vec3::ZERO {
-                self.weigh(direct, shadings, &found.sight, &mut values);
+                self.weigh(direct, shadings, &found.sight, &mut values, rays);
                 if is_hiding || is_met_near(hiding) {
                     self.hide(direct.scene, shadings, found, &mut values, rays);
                 }
@@ -180,6 +181,7 @@ impl Group<'_> {
         shadings: &[Shading],
         sight: &Sight,
         values: &mut [Value],
+        rays: &mut RayCounts,
     ) {
         let reflected_along = sight.reflected_along();
         for ((_, point), (shading, value)) in zip(&self.points, zip(shadings, values)) {
@@ -199,8 +201,10 @@ impl Group<'_> {
                 continue;
             }
             let weight = f * (local.z * area);
-            let emitted = sight.emitted_to(|| direct.lights_of_gloss(shading, point.position), wi, pdf);
-            let light = Light { direct: weight * emitted, specular: weight * reflected_along(wi) };
+            let lights = || direct.lights_of_gloss(shading, point.position);
+            let emitted = sight.emitted_to(lights, wi, pdf);
+            let reflected = sight.lamps_to(direct.scene, surface, lights, wi, pdf, rays) + reflected_along(wi);
+            let light = Light { direct: weight * emitted, specular: weight * reflected };
             *value = Value { density: self.density(pdf, local) * area, light };
         }
     }
