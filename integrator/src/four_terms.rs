@@ -237,7 +237,7 @@ fn develop<S: Secondary>(
         .par_iter()
         .zip(values)
         .map(|(point, value)| {
-            let caustic = point.caustics.radiance(|| secondary.caustic_coverage(&point.shading.surface));
+            let caustic = point.caustic_radiance(secondary);
             let glossy = point.specular_weight * value.glossy;
             let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);
             let caustic = point.diffuse_weight * caustic;

@@ -40,8 +40,10 @@ pub(crate) struct SurfacePoint {
 /// Irradiance by caustics at some of the samples of a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CausticLooks {
-    /// Sum over these samples, times the coverage of the point.
+    /// Sum over these samples, times the coverage around them, and the sum of their places.
     sum: Vec3,
+    places: Vec3A,
+    sum_count: u32,
     /// The same of samples whose own coverage is known.
     covered: Vec3,
     /// Number of these samples.
@@ -79,9 +81,22 @@ impl SurfacePoint {
     /// light there is at a small distance from a point, a record knows.
     pub(crate) fn middle(&self) -> (Vec3A, Vec3A) {
         let (surface, spread) = (&self.shading.surface, &self.spread);
-        let is_flat = spread.turn == Vec3A::ZERO;
-        let n = if is_flat { surface.n } else { (surface.n + spread.turn / spread.count).normalize() };
+        let n = if self.is_flat() { surface.n } else { (surface.n + spread.turn / spread.count).normalize() };
         (surface.p + spread.offset / spread.count, n)
+    }
+
+    fn is_flat(&self) -> bool {
+        self.spread.turn == Vec3A::ZERO
+    }
+
+    /// The mean radiance that caustics give a white surface, W m^-2 sr^-1.
+    pub(crate) fn caustic_radiance(&self, secondary: &impl Secondary) -> Vec3 {
+        self.caustics.radiance(|middle| {
+            let surface = self.shading.surface;
+            // On what is curved the middle lies off the surface.
+            let p = if self.is_flat() { middle } else { surface.p };
+            secondary.caustic_coverage(&Surface { p, ..surface })
+        })
     }
 
     /// The distance of the ends of the point from its middle, metres: half the length over which its samples lie, if
@@ -114,6 +129,8 @@ impl SurfacePoint {
             self.caustics.covered += found.irradiance / secondary.caustic_coverage(surface);
         } else {
             self.caustics.sum += found.irradiance;
+            self.caustics.places += surface.p;
+            self.caustics.sum_count += 1;
         }
         self.caustics.count += 1;
         let detail = if found.radius > fine { found.radius } else { 0.0 };
@@ -161,13 +178,15 @@ impl SurfacePoint {
 }
 
 impl CausticLooks {
-    /// Returns the mean radiance that they give a white surface, W m^-2 sr^-1. `coverage` tells of the point as a whole
-    /// on what share of the discs that were searched photons can be; it is asked where it matters.
-    pub(crate) fn radiance(&self, coverage: impl FnOnce() -> f32) -> Vec3 {
+    /// Returns the mean radiance that they give a white surface, W m^-2 sr^-1. `coverage` tells of a place on what share
+    /// of the discs that were searched photons can be; it is asked where it matters, of the middle of the samples:
+    /// beside an edge it changes within a pixel.
+    fn radiance(&self, coverage: impl FnOnce(Vec3A) -> f32) -> Vec3 {
         if self.count == 0 {
             return Vec3::ZERO;
         }
-        let sum = if self.sum == Vec3::ZERO { Vec3::ZERO } else { self.sum / coverage() };
+        let middle = self.places / self.sum_count as f32;
+        let sum = if self.sum == Vec3::ZERO { Vec3::ZERO } else { self.sum / coverage(middle) };
         (sum + self.covered) * (std::f32::consts::FRAC_1_PI / self.count as f32)
     }
 }
@@ -175,7 +194,8 @@ impl CausticLooks {
 impl Default for CausticLooks {
     /// None asked yet.
     fn default() -> Self {
-        Self { sum: Vec3::ZERO, covered: Vec3::ZERO, count: 0, detail: f32::INFINITY }
+        let (sum, places) = (Vec3::ZERO, Vec3A::ZERO);
+        Self { sum, places, sum_count: 0, covered: Vec3::ZERO, count: 0, detail: f32::INFINITY }
     }
 }
 
@@ -315,7 +335,7 @@ mod tests {
                 point.look_for_caustics(&Ramp(detail), &next.shading.surface);
             }
             assert_eq!(point.caustics.count, expected, "{spread} wide, {detail}");
-            let mean = point.caustics.radiance(|| 1.0).x * std::f32::consts::PI;
+            let mean = point.caustics.radiance(|_| 1.0).x * std::f32::consts::PI;
             assert!((1.0..=1.0 + spread).contains(&mean), "a mean of places: {mean}");
         }
     }
@@ -356,7 +376,7 @@ mod tests {
                 point.join(&next);
                 point.look_for_caustics(&Lines, &next.shading.surface);
             }
-            sum += point.caustics.radiance(|| 1.0).x * std::f32::consts::PI;
+            sum += point.caustics.radiance(|_| 1.0).x * std::f32::consts::PI;
         }
         let mean = sum / f32::from(PIXELS);
         // 8 places of each pixel: a standard error of 0.004.
