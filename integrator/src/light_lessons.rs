@@ -8,6 +8,7 @@ use crate::sampler::Sampler;
 use crate::secondary::{Shading, lights_of, unshadowed};
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
+use crate::terms::behind_glass::LampBehind;
 
 /// Light samples of a point that learns.
 const LIGHT_SAMPLES: u32 = 8;
@@ -22,11 +23,13 @@ pub(crate) fn few(lights: &Lights) -> Option<u32> {
     u32::try_from(lights.count()).ok().filter(|&count| count <= MOST_FEW)
 }
 
-/// What light samples find at a point, as if each were chosen by what it may bring alone.
+/// What light samples find at a point, as if each were chosen by what it may bring alone. Gloss finds lamps behind
+/// glass, too, if it `looks_on`.
 pub(crate) fn lessons<'a>(
     scene: &'a Scene,
     sky: Option<&'a SkySplit>,
     shading: &'a Shading,
+    looks_on: bool,
     sampler: &mut Sampler,
     rays: &'a mut RayCounts,
 ) -> impl Iterator<Item = LightLesson> + 'a {
@@ -49,18 +52,25 @@ pub(crate) fn lessons<'a>(
             return None;
         }
         let direction = lights.direction_to_one(light, probability, Vec2::new(u, v));
-        let value = direction.map_or(0.0, |direction| value(scene, sky, shading, &direction, rays));
+        let value = direction.map_or(0.0, |direction| {
+            let is_behind = |rays: &mut RayCounts| {
+                let mut lamp = || LampBehind::new(scene, &shading.surface, direction.wi(), &lights, rays);
+                looks_on && lamp().is_some_and(|lamp| lamp.light == light)
+            };
+            value(scene, sky, shading, &direction, is_behind, rays)
+        });
         let moment = count * value * value;
         moment.is_finite().then_some(LightLesson { light, samples: 1.0, count, moment })
     })
 }
 
-/// What a light sample counts.
+/// What a light sample counts, whose lamp may be behind glass if it is hidden.
 fn value(
     scene: &Scene,
     sky: Option<&SkySplit>,
     shading: &Shading,
     direction: &LightDirection<'_>,
+    is_behind_glass: impl FnOnce(&mut RayCounts) -> bool,
     rays: &mut RayCounts,
 ) -> f32 {
     let wi = shading.frame.to_local(direction.wi());
@@ -68,9 +78,11 @@ fn value(
         return 0.0;
     }
     rays.shadow += 1;
-    if scene.occluded(&shading.surface.shadow_ray(direction.wi(), direction.distance())) {
+    let is_hidden = scene.occluded(&shading.surface.shadow_ray(direction.wi(), direction.distance()));
+    if is_hidden && !is_behind_glass(rays) {
         return 0.0;
     }
     let Some(sample) = direction.sample() else { return 0.0 };
-    unshadowed(&shading.bsdf, Lobes::ALL, shading.wo, wi, &sample, sky).max_element()
+    let lobes = if is_hidden { Lobes::SPECULAR } else { Lobes::ALL };
+    unshadowed(&shading.bsdf, lobes, shading.wo, wi, &sample, sky).max_element()
 }

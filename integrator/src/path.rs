@@ -358,7 +358,7 @@ pub(crate) fn learn_lights(scene: &Scene, settings: &Settings, seed: u64, rays: 
             let Some(hit) = scene.intersect(&ray) else { break };
             let shading = Shading::new(scene, scene.surface(&ray, &hit), ray.direction);
             if shading.bsdf.scatters(Lobes::ALL) {
-                learnt.extend(lessons(scene, None, &shading, &mut sampler, rays));
+                learnt.extend(lessons(scene, None, &shading, false, &mut sampler, rays));
             }
             let [u_lobe, u, v, _] = sampler.next_4d();
             let Some(next) = shading.bsdf.sample(Lobes::ALL, shading.wo, u_lobe, Vec2::new(u, v)) else { break };

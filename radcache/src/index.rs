@@ -33,6 +33,13 @@ impl Index {
     }
 
     /// The rules that it searches by, for those who make the next record.
+    ///
+    /// ```
+    /// use radcache::{Index, Validity};
+    ///
+    /// let index = Index::new(Validity::for_scene(8.0));
+    /// assert_eq!(index.validity().max_radius, 0.8);
+    /// ```
     #[must_use]
     pub const fn validity(&self) -> &Validity {
         &self.validity

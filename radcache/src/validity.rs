@@ -46,6 +46,9 @@ impl Validity {
     /// Without a largest reach, a record that sees hardly anything near would serve the floor under the roof on which it
     /// lies; without a smallest one, records in creases would take memory and serve nobody.
     ///
+    /// # Panics
+    /// If `size` is not a finite number above 0: of an endless ground, give the size of what is looked at.
+    ///
     /// # Examples
     /// ```
     /// use radcache::glam::{Vec3, Vec3A};
@@ -57,6 +60,7 @@ impl Validity {
     /// ```
     #[must_use]
     pub fn for_scene(size: f32) -> Self {
+        assert!(size > 0.0 && size.is_finite(), "a scene has a finite size above 0");
         let (min_radius, max_radius, touching_distance) = (1e-3 * size, 0.1 * size, 1e-5 * size);
         Self { min_radius, max_radius, touching_distance, ..Self::default() }
     }

@@ -13,10 +13,10 @@ const STREAM: u64 = 0x6761_7468_6572;
 
 /// Traces one ray through a random place of each of the `n x n` texels of the hemisphere over `frame`, whose z axis is
 /// the normal of the point that `tracer` looks from, for a [`radcache::Record`] there. The same seed gives the same
-/// rays.
+/// rays. Distances are metres; what is infinite is the surroundings, as [`Traced`] says.
 ///
 /// # Panics
-/// As [`Samples::new`].
+/// If `n` is 0 or above 64.
 ///
 /// # Examples
 /// ```

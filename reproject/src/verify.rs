@@ -28,9 +28,17 @@ pub struct Verdict {
 impl Verdict {
     /// Whether the record may be used: less than half of the rays are wrong, and there are some. Where elements cover
     /// too little to ask, the record knows too little.
+    ///
+    /// ```
+    /// use reproject::Verdict;
+    ///
+    /// assert!(Verdict { asked: 4, wrong: 1 }.holds());
+    /// assert!(!Verdict { asked: 4, wrong: 2 }.holds());
+    /// assert!(!Verdict { asked: 0, wrong: 0 }.holds());
+    /// ```
     #[must_use]
     pub const fn holds(&self) -> bool {
-        2 * self.wrong < self.asked
+        self.wrong < self.asked.saturating_sub(self.wrong)
     }
 }
 

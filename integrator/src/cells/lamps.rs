@@ -85,7 +85,7 @@ impl CellBuilder<'_> {
             spread(found, LEARNERS.min(self.ray_budget as usize / LINKS_PER_LEARNER)).collect();
         let learnt = map_counting(learners.into_par_iter(), rays, |cell, rays| {
             let mut sampler = Sampler::new(self.seed, hash_pair(cell.key, 3), 0);
-            lessons(self.scene, sky, &white(&cell.points[0]), &mut sampler, rays).collect::<Vec<_>>()
+            lessons(self.scene, sky, &white(&cell.points[0]), false, &mut sampler, rays).collect::<Vec<_>>()
         });
         lights.learnt_choice(&learnt.concat())
     }

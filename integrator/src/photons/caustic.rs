@@ -313,16 +313,19 @@ mod tests {
         let tree = Tree::new(&photons, 80, None).unwrap();
         // Beside the focus and the line, so that both are within some of the reaches.
         let p = Vec3A::new(0.02, 0.1, 0.0);
+        let mut ended_early = false;
         for reach in [0.0, 0.01, 0.15, 1.0] {
             let within = tree.discs.iter().filter(|disc| disc.center.distance(p) < disc.radius + reach);
             let least = within.map(|disc| disc.radius).fold(f32::INFINITY, f32::min);
-            for fine in [0.0, 0.5 * least, 2.0 * least] {
+            for fine in [0.0, 0.5 * least, 2.0 * least, 1e3 * least] {
                 let found = map.irradiance_and_detail(p, Vec3A::Z, reach, fine);
                 assert_eq!(found.irradiance, map.irradiance(p, Vec3A::Z).irradiance, "reach {reach}, fine {fine}");
                 let is_right = if fine < least { found.radius == least } else { found.radius <= fine };
                 assert!(is_right, "{} for a least radius of {least}, reach {reach}, fine {fine}", found.radius);
+                ended_early |= found.radius > least;
             }
         }
+        assert!(ended_early, "not all of them were looked at");
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::Rng;
 const ROW: u32 = 4;
 /// The same where more is asked for and an edge is near.
 const FINE_ROW: u32 = 8;
-/// Rays that a test takes, the one to its apex included.
+/// Rays that a test takes by [`Kernel::Constant`], the one to its apex included.
 pub(super) const RAYS: usize = (ROW * ROW) as usize + 1;
 
 /// Rounding of places, as a share of the largest coordinate.
@@ -44,9 +44,10 @@ impl Kernel {
 /// photons must lie on to count, and visible from above; in [1/16, 1], for the point itself is there. Places count as
 /// much as the kernel lets photons count there.
 ///
-/// Its deviation is at most 0.06, beside a straight edge about 0.03 (16 stratified points), and a third of that (64)
-/// where the picture itself shows it, as [`Kernel::Epanechnikov`] says, or corners would be dotted. Whether an edge is
-/// near tell four points of the rim that do not count themselves, so that the mean is right.
+/// By [`Kernel::Constant`] its deviation is at most 0.06, beside a straight edge about 0.03 (16 stratified points). By
+/// [`Kernel::Epanechnikov`], of what the picture itself shows, these would have up to 0.1 beside an edge, and corners
+/// would be dotted; so there are 64 then, which leave 0.025. Whether an edge is near tell four points of the rim that do
+/// not count themselves, so that the mean is right.
 pub(super) fn covered_share(scene: &Scene, p: Vec3A, n: Vec3A, radius: f32, kernel: Kernel, seed: u64) -> f32 {
     let frame = Frame::from_normal(n);
     let mut rng = Rng::new(seed, 0);

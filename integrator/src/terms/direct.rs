@@ -4,15 +4,13 @@
 
 use arrayvec::ArrayVec;
 use glam::{UVec2, Vec3, Vec3A};
-use scene::{LightChoice, Lobes, Scene, SeenLights, Surface};
+use scene::{LightChoice, Lobes, Scene, SeenLights, Specular, Surface};
 
 use crate::delta_ways::{Way, delta_ways};
 use crate::follower::{Follower, Reflection};
 use crate::plan::Plan;
 use crate::sampler::Sampler;
-use crate::secondary::{
-    DirectLight, LightWay, LightWays, Secondary, Shading, mis_weight, unsampled_emission, unshadowed,
-};
+use crate::secondary::{DirectLight, LightWay, LightWays, Secondary, Shading, mis_weight, unsampled_emission};
 use crate::shadows::Plane;
 use crate::sky::SkySplit;
 use crate::statistics::RayCounts;
@@ -82,30 +80,29 @@ impl Sight {
         self.caustic.lamps + self.caustic.surroundings + self.reflection.radiance()
     }
 
-    /// Returns the radiance that is reflected to lobes that look here along other unit vectors, but that of lamps at the
-    /// ends of chains.
+    /// Returns the radiance that is reflected to lobes that look here along other unit vectors, where this is not by way
+    /// of mirrors or glass.
     pub(crate) fn reflected_along(&self) -> impl Fn(Vec3A) -> Vec3 {
-        let caustic = self.caustic.surroundings;
         let towards = self.met.as_ref().map(|met| self.reflection.towards(met));
-        move |wi| caustic + towards.as_ref().map_or(Vec3::ZERO, |towards| towards(-wi))
+        move |wi| towards.as_ref().map_or(Vec3::ZERO, |towards| towards(-wi))
     }
 
-    /// Returns what a lobe that sees this too, along the unit vector `wi` which it takes with density `pdf`, counts of
-    /// the light of lamps at the ends of chains, beside light samples of the `surface` that look for them.
-    pub(crate) fn lamps_to<'a>(
+    /// Returns what the lobe of `shading` that looked, with density `pdf`, counts of the light of lamps at the ends of
+    /// chains, beside light samples that look for them.
+    fn lamps<'a>(
         &self,
         scene: &Scene,
-        surface: &Surface,
+        shading: &Shading,
         lights: impl FnOnce() -> SeenLights<'a>,
-        wi: Vec3A,
         pdf: f32,
         rays: &mut RayCounts,
     ) -> Vec3 {
         let Caustic { lamps, .. } = self.caustic;
-        if lamps == Vec3::ZERO || !scene.features().transmissive {
+        let is_glass = self.met.is_some_and(|met| matches!(met.bsdf.specular, Specular::Dielectric { .. }));
+        if lamps == Vec3::ZERO || !is_glass || !LampBehind::is_wanted(scene, shading) {
             return lamps;
         }
-        lamps * lobe_share(LampBehind::new(scene, surface, wi, &lights(), rays), pdf)
+        lamps * lobe_share(LampBehind::new(scene, &shading.surface, self.wi, &lights(), rays), pdf)
     }
 
     /// Returns what a lobe that sees this too, along the unit vector `wi` which it takes with density `pdf`, counts of
@@ -149,8 +146,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let ways = LightWays { count: 1, choice: self.light_choice(shading, position), sky: self.sky };
         let mut lights = DirectLight::new(self.scene, shading, Lobes::ALL, ways).on(plane);
         let (mut sum_sq, mut is_exact) = (0.0, false);
-        let features = self.scene.features();
-        let looks_on = features.transmissive && features.area_lights && shading.bsdf.has_glossy();
+        let looks_on = LampBehind::is_wanted(self.scene, shading);
         for mut sampler in sampler.split_into(count) {
             if let Some(exact) = lights.exact() {
                 (light.direct, sum_sq, is_exact) = (exact, 0.0, true);
@@ -167,7 +163,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
         }
         let mean = light.direct.element_sum() / 3.0;
         let variance = (sum_sq / count as f32 - mean * mean).max(0.0) / (count.max(2) - 1) as f32;
-        if features.emissive_unsampled && shading.bsdf.has_diffuse() {
+        if self.scene.features().emissive_unsampled && shading.bsdf.has_diffuse() {
             light.direct += unsampled_emission(self.scene, shading, sampler.next_pair(), rays);
             is_exact = false;
         }
@@ -252,7 +248,7 @@ impl<S: Secondary> DirectTerm<'_, S> {
     ) -> Light {
         let lights = || self.lights_of_gloss(shading, position);
         let emitted = sight.emitted_to(lights, sight.wi, way.pdf);
-        let lamps = sight.lamps_to(self.scene, &shading.surface, lights, sight.wi, way.pdf, rays);
+        let lamps = sight.lamps(self.scene, shading, lights, way.pdf, rays);
         let reflected = lamps + sight.caustic.surroundings + sight.reflection.radiance();
         Light { direct: way.weight * emitted, specular: way.weight * reflected }
     }
@@ -266,24 +262,23 @@ impl<S: Secondary> DirectTerm<'_, S> {
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Vec3 {
-        /// Where gloss would bring less than this share of the lamp's light, it is looked for as seldom as it is less.
+        /// Where gloss reflects a smaller share of what comes from there, it is looked for as seldom as that is less.
         const WORTH: f32 = 0.5;
-        let Some(light) = way.light.sample() else { return Vec3::ZERO };
         let Shading { bsdf, wo, .. } = shading;
-        let share = |lobes| unshadowed(bsdf, lobes, *wo, way.wi, &light, None).max_element();
-        let survival = (share(Lobes::SPECULAR) / (WORTH * share(Lobes::ALL))).min(1.0);
-        if sampler.next_pair().x >= survival {
+        let (f, lobe_pdf) = bsdf.eval_pdf(Lobes::SPECULAR, *wo, way.wi);
+        let all = f + bsdf.eval(Lobes::DIFFUSE, *wo, way.wi);
+        let survival = (f.max_element() / (WORTH * all.max_element())).min(1.0);
+        if f == Vec3::ZERO || sampler.next_pair().x >= survival {
             return Vec3::ZERO;
         }
-        let (wi, distance) = (way.light.wi(), way.light.distance());
+        let wi = way.light.wi();
         let lamp = LampBehind::new(self.scene, &shading.surface, wi, lights, rays);
-        let Some(lamp) = lamp.filter(|lamp| lamp.is_at(distance)) else { return Vec3::ZERO };
+        let Some(lamp) = lamp.filter(|lamp| lamp.light == way.light.light()) else { return Vec3::ZERO };
         let ray = shading.surface.spawn(wi);
         rays.path += 1;
         let Some(hit) = self.scene.intersect(&ray) else { return Vec3::ZERO };
         let met = Shading::new(self.scene, self.scene.surface(&ray, &hit), wi);
         let lamps = self.caustic_from(met, sampler, rays).lamps;
-        let (f, lobe_pdf) = bsdf.eval_pdf(Lobes::SPECULAR, *wo, way.wi);
         f * lamps * (way.wi.z * mis_weight(lamp.pdf, lobe_pdf) / (lamp.pdf * survival))
     }
 

@@ -12,6 +12,7 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use scene::{LightChoice, LightLesson, Lobes, Scene};
 
+use super::behind_glass::LampBehind;
 use super::tiles::{self, around, tile};
 use crate::light_lessons::lessons;
 use crate::sampler::{Sampler, hash_pair, in_cell};
@@ -127,7 +128,8 @@ impl Learner<'_> {
         let film = in_cell(number, self.side, sampler.next_pair()) * self.size.as_vec2();
         let Some(shading) = self.first_lit(film, &mut sampler, rays) else { return Vec::new() };
         let tile = tile(film, self.size, shading.surface.n);
-        let learnt = lessons(self.scene, self.sky, &shading, &mut sampler, rays);
+        let looks_on = LampBehind::is_wanted(self.scene, &shading);
+        let learnt = lessons(self.scene, self.sky, &shading, looks_on, &mut sampler, rays);
         learnt.map(|learnt| Lesson { tile, learnt }).collect()
     }
 

@@ -3,7 +3,7 @@
 //! `emitted` needs none: primary rays meet it (see `surface_points`). The specular term of mirrors and glass is the
 //! light of the surfaces that they show, so it is found there as well.
 
-mod behind_glass;
+pub(crate) mod behind_glass;
 pub(crate) mod direct;
 pub(crate) mod direct_fit;
 pub(crate) mod glossy;

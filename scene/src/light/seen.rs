@@ -85,26 +85,56 @@ impl<'a> SeenLights<'a> {
     #[inline]
     #[must_use]
     pub fn pdf_surface(&self, wi: Vec3A, surface: &Surface) -> f32 {
+        self.light_at(wi, surface).map_or(0.0, |(_, pdf)| pdf)
+    }
+
+    /// Returns the same and which light it is, below [`Lights::count`]; `None` where the surface is no light that is
+    /// sampled, or is seen from behind.
+    ///
+    /// ```
+    /// use glam::{Vec2, Vec3, Vec3A};
+    /// use scene::{Description, Material, Mesh, Ray, Scene};
+    ///
+    /// let lamp = Mesh {
+    ///     positions: vec![Vec3::new(0.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 1.0)],
+    ///     triangles: vec![[0, 1, 2]],
+    ///     materials: vec![0],
+    ///     ..Mesh::default()
+    /// };
+    /// let shines = Material { emission: Vec3::ONE, ..Material::default() };
+    /// let scene = Scene::new(Description { meshes: vec![lamp], materials: vec![shines], ..Description::default() })?;
+    /// let mut lights = scene.lights().seen_from(Vec3A::ZERO, Vec3A::Y);
+    /// let sample = lights.direction(0.5, Vec2::new(0.3, 0.4)).expect("it is above");
+    /// let ray = Ray::new(Vec3A::ZERO, sample.wi());
+    /// let surface = scene.surface(&ray, &scene.intersect(&ray).expect("nothing stands between"));
+    /// let (light, pdf) = lights.light_at(sample.wi(), &surface).expect("the lamp");
+    /// assert_eq!(light, sample.light());
+    /// assert!((pdf / sample.sample().expect("it shines").pdf - 1.0).abs() < 1e-4);
+    /// # Ok::<(), scene::BuildError>(())
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn light_at(&self, wi: Vec3A, surface: &Surface) -> Option<(usize, f32)> {
         let Self { lights, p, .. } = *self;
         if !surface.front {
-            return 0.0;
+            return None;
         }
         let primitive = surface.primitive;
         let rectangle = lights.rectangles.partition_point(|light| light.primitive <= primitive).wrapping_sub(1);
         if let Some(light) = lights.rectangles.get(rectangle)
             && primitive - light.primitive < 2
         {
-            return light.pdf(p, wi, surface) * self.probability(rectangle);
+            return Some((rectangle, light.pdf(p, wi, surface) * self.probability(rectangle)));
         }
         let triangles = lights.rectangles.len();
         if let Ok(index) = lights.triangles.binary_search_by_key(&primitive, |light| light.primitive) {
-            return lights.triangles[index].pdf(p, wi, surface) * self.probability(triangles + index);
+            let light = triangles + index;
+            return Some((light, lights.triangles[index].pdf(p, wi, surface) * self.probability(light)));
         }
         let forms = triangles + lights.triangles.len();
-        match lights.forms.binary_search_by_key(&primitive, |light| light.primitive) {
-            Ok(index) => lights.forms[index].pdf(p, wi) * self.probability(forms + index),
-            Err(_) => 0.0,
-        }
+        let index = lights.forms.binary_search_by_key(&primitive, |light| light.primitive).ok()?;
+        let light = forms + index;
+        Some((light, lights.forms[index].pdf(p, wi) * self.probability(light)))
     }
 
     /// Returns the density of [`SeenLights::sample`] for a direction in which a ray from the point met nothing, per

@@ -152,7 +152,7 @@ impl Group<'_> {
         let (middle, extent) = (0.5 * (low + high), 0.5 * high.distance(low));
         let is_alone = shadings.len() == 1;
         let hiding = self.parallax * shadings[0].lobe_alpha();
-        let is_near = |p: Vec3A, width: f32| p.distance(middle) * width < extent;
+        let is_near = |p: Vec3A, width: f32| p.distance(middle) * width <= extent;
         let near = other_hits.iter().filter(|&&p| is_near(p, hiding)).count();
         let is_hiding = near as f32 > NEAR_SHARE * other_hits.len() as f32;
         let mut values = vec![Value::default(); shadings.len()];
@@ -165,7 +165,7 @@ impl Group<'_> {
                 let light = direct.light_of(&shadings[found.from], position, &found.way, &found.sight, rays);
                 lights[found.from].add(&light);
             } else if found.sight.emitted + found.sight.reflected() != Vec3::ZERO {
-                self.weigh(direct, shadings, &found.sight, &mut values, rays);
+                self.weigh(direct, shadings, &found.sight, &mut values);
                 if is_hiding || is_met_near(hiding) {
                     self.hide(direct.scene, shadings, found, &mut values, rays);
                 }
@@ -181,7 +181,6 @@ impl Group<'_> {
         shadings: &[Shading],
         sight: &Sight,
         values: &mut [Value],
-        rays: &mut RayCounts,
     ) {
         let reflected_along = sight.reflected_along();
         for ((_, point), (shading, value)) in zip(&self.points, zip(shadings, values)) {
@@ -201,10 +200,8 @@ impl Group<'_> {
                 continue;
             }
             let weight = f * (local.z * area);
-            let lights = || direct.lights_of_gloss(shading, point.position);
-            let emitted = sight.emitted_to(lights, wi, pdf);
-            let reflected = sight.lamps_to(direct.scene, surface, lights, wi, pdf, rays) + reflected_along(wi);
-            let light = Light { direct: weight * emitted, specular: weight * reflected };
+            let emitted = sight.emitted_to(|| direct.lights_of_gloss(shading, point.position), wi, pdf);
+            let light = Light { direct: weight * emitted, specular: weight * reflected_along(wi) };
             *value = Value { density: self.density(pdf, local) * area, light };
         }
     }

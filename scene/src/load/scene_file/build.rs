@@ -352,7 +352,7 @@ fn inline_mesh(
     }
     mesh.materials = vec![material; mesh.triangles.len()];
     if !obj::has_area(&mesh) {
-        return Err(place.invalid("nothing to see, all faces are of zero area", "check the positions"));
+        return Err(place.invalid("nothing to see of this mesh, all faces are of zero area", "check its positions"));
     }
     Ok(mesh)
 }

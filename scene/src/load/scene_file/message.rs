@@ -11,6 +11,10 @@ const SINGLE: &str = "invalid type: map, expected a sequence";
 /// What it says of numbers such as -.5.
 const NO_DIGIT: &str = "invalid mantissa, expected digits";
 
+/// What it says of a table that has one of several fields, such as the kinds of light.
+const NO_KIND: &str = "wanted exactly 1 element, found 0 elements";
+const KINDS: &str = "wanted exactly 1 element, more than 1 element";
+
 /// Translates an error about `text`, which is the file at `place`.
 pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -> LoadError {
     let start = error.span().map_or(0, |span| span.start.min(text.len()));
@@ -37,6 +41,8 @@ pub(super) fn translate(error: &toml::de::Error, text: &str, place: Place<'_>) -
     // Our own types say what to do; the library does not.
     let (what, advice) = match message.as_str() {
         NO_DIGIT => ("a number without a digit before its point", "write 0.5 for .5"),
+        NO_KIND => ("nothing says of which kind it is", "write one of the kinds of docs/scene-format.md"),
+        KINDS => ("more than one kind", "keep one, and write others apart"),
         SINGLE => ("one where a list is wanted", "write it in brackets, for there may be several"),
         message => message.split_once("; ").unwrap_or((message, "see docs/scene-format.md for what is allowed")),
     };
@@ -108,6 +114,24 @@ mod tests {
         );
         assert_eq!(unknown("unknown field `b`, expected `a`"), Some(("b", vec!["a"])), "one field");
         assert_eq!(unknown("missing field `a`"), None, "another message");
+    }
+
+    #[test]
+    fn kinds_are_one_of_several() {
+        #[derive(Debug, serde::Deserialize)]
+        struct Root {
+            #[expect(dead_code, reason = "for its errors")]
+            light: Vec<crate::load::scene_file::schema::LightTable>,
+        }
+        let of = |text: &str| {
+            let error = toml::from_str::<Root>(text).expect_err("no light");
+            translate(&error, text, Place::file(std::path::Path::new("a.toml"))).to_string()
+        };
+        let none = "a.toml:2: nothing says of which kind it is; write one of the kinds of docs/scene-format.md";
+        assert_eq!(of("\n[[light]]\n"), none);
+        let point = "point = { position = [0, 0, 0], intensity = 1 }";
+        let both = format!("[[light]]\n{point}\ndirectional = {{ direction = [0, 0, 1], irradiance = 1 }}\n");
+        assert_eq!(of(&both), "a.toml:1: more than one kind; keep one, and write others apart");
     }
 
     #[test]
