@@ -237,10 +237,9 @@ fn develop<S: Secondary>(
         .par_iter()
         .zip(values)
         .map(|(point, value)| {
-            let caustic = point.caustic_radiance(secondary);
             let glossy = point.specular_weight * value.glossy;
             let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);
-            let caustic = point.diffuse_weight * caustic;
+            let caustic = point.caustic(secondary, point.lit.light() + direct + glossy + rest);
             if point.chain == 0 {
                 Terms { direct, specular: glossy, caustic, indirect: rest, ..Terms::default() }
             } else {

@@ -37,8 +37,9 @@ pub trait Secondary: Sync {
     }
 
     /// The other part, which takes longer and changes little from one place to the next: the share of the surroundings
-    /// over which caustics were blurred that is surface, in (0, 1].
-    fn caustic_coverage(&self, _: &Surface) -> f32 {
+    /// over which caustics were blurred that is surface, in (0, 1]; as exactly as one sees it in the picture if it is to
+    /// be `_precise`.
+    fn caustic_coverage(&self, _: &Surface, _precise: bool) -> f32 {
         1.0
     }
 

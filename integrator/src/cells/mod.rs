@@ -188,8 +188,8 @@ impl Secondary for CellSource<'_> {
         self.photons.covered_caustic_irradiance(surface, reach, fine)
     }
 
-    fn caustic_coverage(&self, surface: &Surface) -> f32 {
-        self.photons.caustic_coverage(surface)
+    fn caustic_coverage(&self, surface: &Surface, precise: bool) -> f32 {
+        self.photons.caustic_coverage(surface, precise)
     }
 
     fn light_choice(&self) -> Option<&LightChoice> {

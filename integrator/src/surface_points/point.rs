@@ -89,14 +89,19 @@ impl SurfacePoint {
         self.spread.turn == Vec3A::ZERO
     }
 
-    /// The mean radiance that caustics give a white surface, W m^-2 sr^-1.
-    pub(crate) fn caustic_radiance(&self, secondary: &impl Secondary) -> Vec3 {
-        self.caustics.radiance(|middle| {
+    /// The light by caustics, beside all `other` light.
+    pub(crate) fn caustic(&self, secondary: &impl Secondary, other: Vec3) -> Vec3 {
+        /// Share of the other light from which on one sees how exact it is.
+        const VISIBLE: f32 = 0.1;
+        let uncovered = self.diffuse_weight * self.caustics.radiance(|_| 1.0);
+        let precise = uncovered.max_element() > VISIBLE * other.max_element();
+        let coverage = |middle| {
             let surface = self.shading.surface;
             // On what is curved the middle lies off the surface.
             let p = if self.is_flat() { middle } else { surface.p };
-            secondary.caustic_coverage(&Surface { p, ..surface })
-        })
+            secondary.caustic_coverage(&Surface { p, ..surface }, precise)
+        };
+        self.diffuse_weight * self.caustics.radiance(coverage)
     }
 
     /// The distance of the ends of the point from its middle, metres: half the length over which its samples lie, if
@@ -126,7 +131,7 @@ impl SurfacePoint {
         let found = secondary.covered_caustic_irradiance(surface, reach, fine);
         if self.footprint > found.radius && found.irradiance != Vec3::ZERO {
             // The edges of what photons lie on are within the pixel, not around all of it.
-            self.caustics.covered += found.irradiance / secondary.caustic_coverage(surface);
+            self.caustics.covered += found.irradiance / secondary.caustic_coverage(surface, false);
         } else {
             self.caustics.sum += found.irradiance;
             self.caustics.places += surface.p;

@@ -23,6 +23,11 @@ impl Lit {
         if is_first { Self { first: direct, first_weight: diffuse_weight, first_count: 1.0, ..whole } } else { whole }
     }
 
+    /// All of it.
+    pub(crate) fn light(&self) -> Vec3 {
+        self.sum
+    }
+
     /// Adds another sample of the same surface.
     pub(crate) fn join(&mut self, sample: &Self) {
         self.sum += sample.sum;
