@@ -239,7 +239,7 @@ fn develop<S: Secondary>(
         .map(|(point, value)| {
             let glossy = point.specular_weight * value.glossy;
             let (direct, rest) = (point.diffuse_weight * value.sky, point.diffuse_weight * value.near);
-            let caustic = point.caustic(secondary, point.lit.light() + direct + glossy + rest);
+            let caustic = point.caustic(secondary, point.lit.sum + direct + glossy + rest);
             if point.chain == 0 {
                 Terms { direct, specular: glossy, caustic, indirect: rest, ..Terms::default() }
             } else {

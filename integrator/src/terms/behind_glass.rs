@@ -19,6 +19,8 @@ pub(crate) struct LampBehind {
     pub(crate) pdf: f32,
     /// Which of the lights it is.
     pub(crate) light: usize,
+    /// Where the line meets glass first.
+    pub(crate) glass: Surface,
 }
 
 /// Boundaries of glass before a lamp, at most.
@@ -40,18 +42,19 @@ impl LampBehind {
         lights: &SeenLights<'_>,
         rays: &mut RayCounts,
     ) -> Option<Self> {
-        let mut from = *surface;
-        for boundaries in 0..=MAX_BOUNDARIES {
+        let (mut from, mut glass) = (*surface, None);
+        for _ in 0..=MAX_BOUNDARIES {
             let ray = from.spawn(wi);
             rays.shadow += 1;
             let met = scene.surface(&ray, &scene.intersect(&ray)?);
             if scene.emission(&met) != Vec3::ZERO {
-                let (light, pdf) = lights.light_at(wi, &met).filter(|_| boundaries > 0)?;
-                return (pdf > 0.0).then_some(Self { pdf, light });
+                let (glass, (light, pdf)) = glass.zip(lights.light_at(wi, &met))?;
+                return (pdf > 0.0).then_some(Self { pdf, light, glass });
             }
             if !matches!(scene.bsdf(&met).specular, Specular::Dielectric { .. }) {
                 return None;
             }
+            glass = glass.or(Some(met));
             from = met;
         }
         None

@@ -274,17 +274,9 @@ impl<S: Secondary> DirectTerm<'_, S> {
         let wi = way.light.wi();
         let lamp = LampBehind::new(self.scene, &shading.surface, wi, lights, rays);
         let Some(lamp) = lamp.filter(|lamp| lamp.light == way.light.light()) else { return Vec3::ZERO };
-        let Some(met) = self.meet(shading, wi, rays) else { return Vec3::ZERO };
+        let met = Shading::new(self.scene, lamp.glass, wi);
         let lamps = self.caustic_from(met, sampler, rays).lamps;
         f * lamps * (way.wi.z * mis_weight(lamp.pdf, lobe_pdf) / (lamp.pdf * survival))
-    }
-
-    /// Returns the surface that a ray from another one meets along the unit vector `wi`, world space.
-    fn meet(&self, shading: &Shading, wi: Vec3A, rays: &mut RayCounts) -> Option<Shading> {
-        let ray = shading.surface.spawn(wi);
-        rays.path += 1;
-        let hit = self.scene.intersect(&ray)?;
-        Some(Shading::new(self.scene, self.scene.surface(&ray, &hit), wi))
     }
 
     /// Returns what a glossy lobe sees along the local direction `wi`.
@@ -296,10 +288,13 @@ impl<S: Secondary> DirectTerm<'_, S> {
         rays: &mut RayCounts,
     ) -> Sight {
         let wi = shading.frame.to_world(wi);
-        let Some(met) = self.meet(shading, wi, rays) else {
+        let ray = shading.surface.spawn(wi);
+        rays.path += 1;
+        let Some(hit) = self.scene.intersect(&ray) else {
             let emitted = self.scene.background(wi);
             return Sight { wi, met: None, emitted, caustic: Caustic::default(), reflection: Reflection::DARK };
         };
+        let met = Shading::new(self.scene, self.scene.surface(&ray, &hit), wi);
         let emitted = self.scene.emission(&met.surface) * self.scene.transmittance(&met.surface);
         let has_caustic = self.scene.features().delta;
         let caustic = if has_caustic { self.caustic_from(met, sampler, rays) } else { Caustic::default() };

@@ -7,7 +7,7 @@ use glam::Vec3;
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Lit {
     /// Sum over the samples.
-    pub(super) sum: Vec3,
+    pub(crate) sum: Vec3,
     /// The same of the first half of them, and of the albedo there; and their number.
     first: Vec3,
     first_weight: Vec3,
@@ -21,11 +21,6 @@ impl Lit {
     pub(crate) fn new(direct: Vec3, diffuse_weight: Vec3, is_first: bool, is_sampled: bool) -> Self {
         let whole = Self { sum: direct, is_sampled, ..Self::default() };
         if is_first { Self { first: direct, first_weight: diffuse_weight, first_count: 1.0, ..whole } } else { whole }
-    }
-
-    /// All of it.
-    pub(crate) fn light(&self) -> Vec3 {
-        self.sum
     }
 
     /// Adds another sample of the same surface.
