@@ -101,7 +101,8 @@ fn main() {
         let reference = reference(&scene);
         for asked in ASKED {
             let settings = Settings { size: SIZE, ..Settings::default() };
-            let (rendering, estimate) = render_to_error(&scene, &settings, asked, &|_| ()).expect("valid settings");
+            let (rendering, estimate) =
+                render_to_error(&scene, &settings, asked, &|_| (), &|_| ()).expect("valid settings");
             let exceeded = Exceeded::new(&rendering.film.picture(), &estimate, &reference);
             println!(
                 "| {name} | {:.1} % | {} % | {:.1} | {} | {:.1} % | {} | {} | {:.1} % |",

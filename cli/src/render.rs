@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{UVec2, Vec3};
 use integrator::metrics::{self, Image};
-use integrator::{Method, Rendering, Settings};
+use integrator::{ErrorEstimate, Method, Rendering, Settings};
 use scene::{FileSettings, Scene};
 
 use crate::args::{self, Output, OutputKind};
@@ -16,7 +16,7 @@ use crate::files::{self, Staged};
 use crate::machine;
 use crate::ply;
 use crate::progress::Reporter;
-use crate::summary::{ErrorSummary, Summary};
+use crate::summary::{self, ErrorSummary, Summary};
 use crate::view::ViewArgs;
 
 /// What messages call the scene when none is named.
@@ -133,8 +133,11 @@ impl RenderArgs {
 
         let progress = |progress| reporter.update(progress);
         let result = match self.error {
-            Some(error) => integrator::render_to_error(&scene, &settings, error, &progress)
-                .map(|(rendering, estimate)| (rendering, Some(estimate))),
+            Some(error) => {
+                let told = |so_far: &ErrorEstimate| reporter.note(&summary::error_so_far(error, so_far));
+                integrator::render_to_error(&scene, &settings, error, &progress, &told)
+                    .map(|(rendering, estimate)| (rendering, Some(estimate)))
+            }
             None => integrator::render(&scene, &settings, &progress).map(|rendering| (rendering, None)),
         };
         reporter.finish();

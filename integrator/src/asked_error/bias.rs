@@ -89,9 +89,18 @@ impl ClassBias {
     /// What the mean square may well be, that and one standard error; but what is hardly known is not to keep the error
     /// from being reached that was `asked`.
     pub(super) fn most(&self, asked: f32) -> f32 {
+        self.sq + self.caution(asked)
+    }
+
+    /// What [`Self::most`] will be if more paths find as little as may be.
+    pub(super) fn hoped(&self, asked: f32) -> f32 {
+        self.least() + self.caution(asked)
+    }
+
+    fn caution(&self, asked: f32) -> f32 {
         /// The standard error is at most this share of what may be.
         const CAUTION: f32 = 0.25;
-        self.sq + self.error.min(CAUTION * asked * asked / Z_SQ)
+        self.error.min(CAUTION * asked * asked / Z_SQ)
     }
 
     /// What it is at least, in all likelihood.

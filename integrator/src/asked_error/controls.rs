@@ -16,8 +16,10 @@ const CONTROL_SIDE: u32 = 16;
 pub(super) const GROUP: u32 = 16;
 /// Groups at first: of fewer, hardly anything is known of their own noise.
 const MIN_GROUPS: u64 = 16;
-/// Then they double as long as they are needed, up to one ray of theirs for so many of the passes.
-const CONTROL_SHARE: u64 = 4;
+/// Then they double as long as they are needed, up to this share of the rays of the passes.
+pub(super) const CONTROL_SHARE: f64 = 0.25;
+/// The same where all hangs on what they find.
+pub(super) const OPEN_SHARE: f64 = 0.5;
 
 /// Pixels at which paths verify the picture.
 pub(super) struct Controls {
@@ -57,20 +59,20 @@ impl Controls {
         }
     }
 
-    /// Measures the bias of the picture: traces more paths until it is known `well` enough, or as many as the rays
-    /// allow that passes took.
+    /// Measures the bias of the picture: traces more paths as long as they take at most the share of the rays of the
+    /// passes that it is `worth` to know it better.
     pub(super) fn verify(
         &mut self,
         scene: &Scene,
         measure: &Measure,
         statistics: &mut Statistics,
-        well: impl Fn(&Bias) -> bool,
+        worth: impl Fn(&Bias) -> f64,
     ) -> Bias {
         loop {
             if self.groups > 0 {
                 let bias = self.bias(measure);
                 let of_passes = statistics.rays.total() - self.rays.total();
-                if well(&bias) || 2 * CONTROL_SHARE * self.rays.total() > of_passes {
+                if 2.0 * self.rays.total() as f64 > worth(&bias) * of_passes as f64 {
                     return bias;
                 }
             }

@@ -27,7 +27,7 @@ use std::time::Instant;
 use scene::Scene;
 
 use self::bias::Bias;
-use self::controls::Controls;
+use self::controls::{CONTROL_SHARE, Controls, OPEN_SHARE};
 use self::passes::Passes;
 pub use self::pixel::{PixelEstimate, estimate_pixel};
 use crate::{Method, Progress, QUALITY_RANGE, Rendering, Settings, SettingsError, Statistics};
@@ -45,6 +45,8 @@ const Z_SQ: f32 = 1.96 * 1.96;
 /// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough;
 /// and at least that part of it.
 const GROWTH: f32 = 4.0;
+/// A round brings so many times what is missing, as the next estimate may say that a little more is.
+const MARGIN: f32 = 1.1;
 const MAX_ROUNDS: u32 = 12;
 /// Paths verify until the standard error of the square of the bias is this share of what it may be, or of the noise
 /// beside which it stands.
@@ -72,16 +74,25 @@ pub struct ErrorEstimate {
     pub is_reached: bool,
 }
 
+impl ErrorEstimate {
+    /// The relative error that 95 % of the pixels are estimated to be within.
+    #[must_use]
+    pub fn reached(&self) -> f32 {
+        at_wanted_share(self.relative.clone())
+    }
+}
+
 /// Makes a picture whose relative error is at most `error` in 95 % of the pixels, as far as it can tell: see
 /// [`ErrorEstimate`]. The settings' quality is that of the first round of passes; `spp` is ignored. Deterministic, as
-/// [`render`](crate::render).
+/// [`render`](crate::render). `progress` tells of each pass as that does; `told` hears the estimate after each round, the
+/// last one included.
 ///
 /// # Errors
 ///
 /// When a setting or the error is out of its range, see [`Settings::validate`] and [`ERROR_RANGE`].
 ///
 /// ```
-/// use integrator::{Settings, render_to_error};
+/// use integrator::{ErrorEstimate, Settings, render_to_error};
 /// use scene::glam::{UVec2, Vec3};
 /// use scene::{Description, Environment, Material, Mesh, Scene};
 ///
@@ -98,8 +109,9 @@ pub struct ErrorEstimate {
 ///     ..Description::default()
 /// })?;
 /// let settings = Settings { size: UVec2::splat(16), ..Settings::default() };
-/// let (rendering, estimate) = render_to_error(&scene, &settings, 0.05, &|_| ())?;
-/// assert!(estimate.is_reached && estimate.share >= 0.95);
+/// let told = |so_far: &ErrorEstimate| println!("{} passes: {} in 95 % of the pixels", so_far.passes, so_far.reached());
+/// let (rendering, estimate) = render_to_error(&scene, &settings, 0.05, &|_| (), &told)?;
+/// assert!(estimate.is_reached && estimate.share >= 0.95 && estimate.reached() <= 0.05);
 /// assert_eq!(estimate.relative.len(), rendering.film.pixel_count());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -108,6 +120,7 @@ pub fn render_to_error(
     settings: &Settings,
     error: f32,
     progress: &(dyn Fn(Progress) + Sync),
+    told: &dyn Fn(&ErrorEstimate),
 ) -> Result<(Rendering, ErrorEstimate), SettingsError> {
     settings.validate()?;
     // Written so that NaN is refused.
@@ -119,7 +132,7 @@ pub fn render_to_error(
     let mut passes = Passes::new(settings.size);
     let mut controls = Controls::new(settings);
     let mut statistics = Statistics::default();
-    let (least, most) = QUALITY_RANGE;
+    let (least, most_quality) = QUALITY_RANGE;
     let mut quality = (settings.quality / PASSES as f32).max(least);
     let (mut round, mut stalled, mut last_bias) = (0, 0, f32::INFINITY);
     loop {
@@ -130,24 +143,46 @@ pub fn render_to_error(
         if settings.method != Method::Path {
             progress(Progress { phase: "verify", done: 0.0 });
             let well = CERTAINTY * error * error / Z_SQ;
-            bias = statistics
-                .time("verify", |statistics| controls.verify(scene, &measure, statistics, |bias| bias.error() < well));
+            let worth = |bias: &Bias| {
+                if bias.error() < well {
+                    0.0
+                } else if measure.is_open(bias, error) {
+                    OPEN_SHARE
+                } else {
+                    CONTROL_SHARE
+                }
+            };
+            bias = statistics.time("verify", |statistics| controls.verify(scene, &measure, statistics, worth));
             progress(Progress { phase: "verify", done: 1.0 });
         }
         let estimate = measure.estimate(&bias, error, passes.count);
+        told(&estimate);
         let is_hopeless = measure.excess(|noise_sq| bias.of(noise_sq).least(), HOPELESS * error).is_infinite();
         stalled = if is_hopeless && estimate.bias > STALLED * last_bias { stalled + 1 } else { 0 };
         last_bias = estimate.bias;
-        if estimate.is_reached || round == MAX_ROUNDS || quality >= most || stalled == MAX_STALLED {
+        if estimate.is_reached || round == MAX_ROUNDS || quality >= most_quality || stalled == MAX_STALLED {
             statistics.render_seconds = start.elapsed().as_secs_f64();
             let Passes { film, records, .. } = passes;
             return Ok((Rendering { film, statistics, records }, estimate));
         }
-        // What bias is left only better passes take away.
-        let excess = measure.excess(|noise_sq| bias.of(noise_sq).most(error), error);
-        let missing = passes.weight * (excess - 1.0) / PASSES as f32;
-        quality = missing.clamp(quality / GROWTH, GROWTH * quality).clamp(least, most);
+        // What bias is left only better passes take away; what is not known of it the paths of the next round may tell,
+        // of which there are the more the larger that is.
+        let most = measure.excess(|noise_sq| bias.of(noise_sq).most(error), error);
+        let (excess, shrink) = if most.is_finite() {
+            (most, GROWTH)
+        } else {
+            (measure.excess(|noise_sq| bias.of(noise_sq).hoped(error), error), 1.0)
+        };
+        let missing = passes.weight * (MARGIN * excess - 1.0) / PASSES as f32;
+        quality = missing.clamp(quality / shrink, GROWTH * quality).clamp(least, most_quality);
     }
+}
+
+/// The least value that all but 5 % of these are at most; at least one.
+fn at_wanted_share(mut values: Vec<f32>) -> f32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length")]
+    let place = (WANTED_SHARE * (values.len() - 1) as f32).ceil() as usize;
+    *values.select_nth_unstable_by(place, f32::total_cmp).1
 }
 
 /// The quantile of Student's distribution that is exceeded in one of 20 cases, either way (Cornish and Fisher's
@@ -160,6 +195,7 @@ fn student(degrees: f32) -> f32 {
 mod tests {
     use glam::{UVec2, Vec3};
 
+    use super::bias::Term;
     use super::*;
     use crate::{Film, Rng};
 
@@ -200,6 +236,25 @@ mod tests {
         let half = many.excess(|_| 0.5 * 0.02 * 0.02 / Z_SQ, 0.02) / many.excess(|_| 0.0, 0.02);
         assert!((half - 2.0).abs() < 1e-3, "a bias that takes half: {half}");
         assert!(many.excess(|_| 0.01, 0.02).is_infinite(), "a bias of 0.1 stays");
+    }
+
+    #[test]
+    fn paths_decide_only_where_they_know_too_little() {
+        let measure = noisy(UVec2::splat(64), &[1.0; 16]).measure();
+        // A mean square of the bias and its standard error, as shares of what was asked.
+        let is_open = |asked: f32, sq: f64, error: f64| {
+            let asked_sq = f64::from(asked * asked / Z_SQ);
+            let bias_sq =
+                |number: u32| asked_sq * (sq + error * 16.0 * if number.is_multiple_of(2) { 1.0 } else { -1.0 });
+            measure.is_open(
+                &Bias::new((0..256).map(|number| Term { noise_sq: 1e-3, bias_sq: bias_sq(number) }).collect()),
+                asked,
+            )
+        };
+        assert!(is_open(0.1, 0.9, 0.5), "it may be well below");
+        assert!(!is_open(0.1, 0.1, 0.5), "it is reached");
+        assert!(!is_open(0.1, 1.5, 0.1), "there is too much");
+        assert!(!is_open(0.02, 0.9, 0.5), "there is too much noise");
     }
 
     #[test]

@@ -4,8 +4,8 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use scene::Scene;
 
-use super::bias::Bias;
-use super::{ErrorEstimate, PASSES, WANTED_SHARE, Z_SQ, student};
+use super::bias::{Bias, ClassBias};
+use super::{ErrorEstimate, PASSES, WANTED_SHARE, Z_SQ, at_wanted_share, student};
 use crate::allocation::neighbours;
 use crate::sampler::hash_pair;
 use crate::{Film, Progress, RecordPoint, Rendering, Settings, SettingsError, Statistics, metrics, render};
@@ -125,11 +125,13 @@ impl Measure {
             let rest = asked * asked - Z_SQ * bias_sq(noise_sq);
             if rest > 0.0 { t_sq * noise_sq / rest } else { f32::INFINITY }
         };
-        let mut sorted: Vec<f32> = self.noise_sq.iter().map(excess).collect();
-        sorted.sort_unstable_by(f32::total_cmp);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length")]
-        let place = (WANTED_SHARE * (sorted.len() - 1) as f32).ceil() as usize;
-        sorted[place]
+        at_wanted_share(self.noise_sq.iter().map(excess).collect())
+    }
+
+    /// Whether it hangs on what is not known of the bias alone if the error is reached.
+    pub(super) fn is_open(&self, bias: &Bias, asked: f32) -> bool {
+        let is_reached = |of: &dyn Fn(ClassBias) -> f32| self.excess(|noise_sq| of(bias.of(noise_sq)), asked) <= 1.0;
+        is_reached(&|class| class.least()) && !is_reached(&|class| class.most(asked))
     }
 
     /// The square of the multiple of its deviation by which one pixel of 20 is off: two of the nine pixels that are

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use scene::Scene;
 
 use super::bias::{Bias, ClassBias};
-use super::controls::{Controls, GROUP, group_mean};
+use super::controls::{CONTROL_SHARE, Controls, GROUP, group_mean};
 use super::passes::Passes;
 use super::{CERTAINTY, PASSES};
 use crate::path::learn_lights;
@@ -95,8 +95,10 @@ pub fn estimate_pixel(
     let noise_sq = measure.noise_sq[number];
     let bias = match settings.method {
         Method::Path => Bias::default(),
-        _ => Controls::new(settings)
-            .verify(scene, &measure, &mut statistics, |bias| bias.of(noise_sq).error < CERTAINTY * noise_sq),
+        _ => {
+            let worth = |bias: &Bias| if bias.of(noise_sq).error < CERTAINTY * noise_sq { 0.0 } else { CONTROL_SHARE };
+            Controls::new(settings).verify(scene, &measure, &mut statistics, worth)
+        }
     };
     let ClassBias { sq: bias_sq, error: bias_noise_sq } = bias.of(noise_sq);
     let scale = measure.scale[number];

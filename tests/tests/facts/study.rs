@@ -116,7 +116,8 @@ fn stated_error_holds_for_95_percent() {
     for name in names {
         let study = Study::open(name);
         let settings = Settings { size: STUDY_SIZE, ..Settings::default() };
-        let (rendering, estimate) = render_to_error(&study.scene, &settings, error, &|_| ()).expect("valid settings");
+        let (rendering, estimate) =
+            render_to_error(&study.scene, &settings, error, &|_| (), &|_| ()).expect("valid settings");
         let reference = Reference::new(STUDY_SIZE, study.reference.clone(), Some(study.variance.clone()));
         let exceeded =
             Exceeded::new(&rendering.film.picture(), &estimate, &reference.expect("pictures of the stated size"));
