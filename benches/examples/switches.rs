@@ -12,7 +12,7 @@ use tests::STUDY_SIZE;
 const SEEDS: u64 = 3;
 
 /// What is changed, as the command line has it, and what that means.
-const SWITCHES: [(&str, &str); 34] = [
+const SWITCHES: [(&str, &str); 35] = [
     ("", "default"),
     ("trail=all", "all elements leave trails"),
     ("coverage=rect", "elements cover the rectangle around their corners"),
@@ -47,6 +47,7 @@ const SWITCHES: [(&str, &str); 34] = [
     ("lobe-reuse=off", "each primary sample traces its own lobe"),
     ("texture-alpha=0", "gloss read from textures"),
     ("secondary=photons", "photon map at secondary hits"),
+    ("secondary=paths", "paths from secondary hits on"),
 ];
 
 fn study(switch: &str) -> Study {
