@@ -13,8 +13,11 @@ const BOTTOM: f64 = 410.0;
 /// Between lines of small text.
 const LINE_HEIGHT: f64 = 16.0;
 
+/// Style of small text.
+const SMALL: &str = "font-size=\"11\" fill=\"#333333\"";
+
 /// Colours that stay apart for colour-blind eyes (Okabe and Ito 2008), each with a symbol of its own.
-const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
+const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999"];
 
 /// What the chart tells beside its lines.
 pub(crate) struct Texts<'a> {
@@ -187,27 +190,33 @@ fn symbol(svg: &mut String, (x, y): (f64, f64), number: usize, is_hollow: bool) 
     let _ = writeln!(svg, "<path d=\"{shape}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.5\"/>");
 }
 
-/// Methods and styles, right of the chart.
+/// Methods, with their settings for study beneath, and styles, right of the chart.
 fn legend(svg: &mut String, lines: &[Line]) {
     let left = RIGHT + 16.0;
-    let row = |number: usize| TOP + 10.0 + 22.0 * number as f64;
+    let mut y = TOP + 10.0;
     for (number, line) in lines.iter().enumerate() {
-        let y = row(number);
         let _ = writeln!(svg, "<path d=\"M{left} {y:.1}h28\" stroke=\"{}\" stroke-width=\"2\"/>", colour(number));
         symbol(svg, (left + 14.0, y), number, false);
-        text(svg, (left + 36.0, y + 4.5), "", &line.method);
+        let mut parts = line.method.split('+');
+        text(svg, (left + 36.0, y + 4.5), "", parts.next().unwrap_or_default());
+        for setting in parts {
+            y += LINE_HEIGHT;
+            text(svg, (left + 36.0, y + 4.0), SMALL, &format!("+ {setting}"));
+        }
+        y += 22.0;
     }
+    y += 12.0;
     let styles = [
         ("stroke-width=\"2\"", "robust (solid): without the"),
         ("", "worst 0.1 % of the pixels"),
         ("stroke-width=\"1\" stroke-dasharray=\"5 4\"", "plain (dashed): all pixels"),
     ];
-    for (number, (style, words)) in styles.into_iter().enumerate() {
-        let y = row(lines.len()) + 12.0 + LINE_HEIGHT * number as f64;
+    for (style, words) in styles {
         if !style.is_empty() {
             let _ = writeln!(svg, "<path d=\"M{left} {y:.1}h28\" stroke=\"#333333\" {style}/>");
         }
-        text(svg, (left + 36.0, y + 4.0), "font-size=\"11\" fill=\"#333333\"", words);
+        text(svg, (left + 36.0, y + 4.0), SMALL, words);
+        y += LINE_HEIGHT;
     }
 }
 
@@ -284,5 +293,11 @@ mod tests {
         assert_eq!(svg.matches("fill=\"#ffffff\" stroke=\"#0072b2\"").count(), 1, "one of the two points");
         assert_eq!(svg.matches("<polyline").count(), 2, "plain and robust");
         assert!(svg.contains(">path</text>"), "the legend");
+
+        let paper = Record { method: "reproject+coverage=rect+trail=all".into(), ..record(1.0, 0.1) };
+        let svg = draw(&Texts { title: "a", notes: &[], own: None }, &super::super::lines::lines(&[paper], "a"));
+        for words in ["reproject", "+ coverage=rect", "+ trail=all"] {
+            assert!(svg.contains(&format!(">{words}</text>")), "{words} has a row of its own");
+        }
     }
 }
