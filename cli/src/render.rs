@@ -134,8 +134,8 @@ impl RenderArgs {
         let progress = |progress| reporter.update(progress);
         let result = match self.error {
             Some(error) => {
-                let told = |so_far: &ErrorEstimate| reporter.note(&summary::error_so_far(error, so_far));
-                integrator::render_to_error(&scene, &settings, error, &progress, &told)
+                let tell = |so_far: &ErrorEstimate| reporter.note(&summary::error_so_far(error, so_far));
+                integrator::render_to_error(&scene, &settings, error, &progress, &tell)
                     .map(|(rendering, estimate)| (rendering, Some(estimate)))
             }
             None => integrator::render(&scene, &settings, &progress).map(|rendering| (rendering, None)),

@@ -78,7 +78,7 @@ impl ErrorSummary {
 /// One line on how far passes have come towards the relative error `asked` for.
 pub(crate) fn error_so_far(asked: f32, so_far: &ErrorEstimate) -> String {
     let [reached, asked] = [so_far.reached(), asked].map(|relative| 100.0 * relative);
-    format!("{} passes: within {reached:.1} % in 95 % of the pixels, {asked} % asked", so_far.passes)
+    format!("{} passes: within {reached:.3} % in 95 % of the pixels, {asked:.3} % asked", so_far.passes)
 }
 
 impl Summary<'_> {

@@ -180,7 +180,8 @@ fn curve(svg: &mut String, x: Axis, y: Axis, line: &Line, number: usize) {
 /// A circle, square, triangle or diamond; hollow where the error is lost in the reference's noise.
 fn symbol(svg: &mut String, (x, y): (f64, f64), number: usize, is_hollow: bool) {
     let colour = colour(number);
-    let shape = match number % 4 {
+    // Another one than that of the line that has the colour already.
+    let shape = match (number + number / COLOURS.len()) % 4 {
         0 => format!("M{:.1} {y:.1}a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0 -9 0z", x - 4.5),
         1 => format!("M{:.1} {:.1}h8v8h-8z", x - 4.0, y - 4.0),
         2 => format!("M{x:.1} {:.1}l5 9h-10z", y - 6.0),
@@ -190,16 +191,21 @@ fn symbol(svg: &mut String, (x, y): (f64, f64), number: usize, is_hollow: bool) 
     let _ = writeln!(svg, "<path d=\"{shape}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.5\"/>");
 }
 
-/// Methods, with their settings for study beneath, and styles, right of the chart.
+/// Methods, long ones with their settings for study beneath, and styles, right of the chart.
 fn legend(svg: &mut String, lines: &[Line]) {
+    /// What has more is as wide as the picture.
+    const MOST_LETTERS: usize = 28;
     let left = RIGHT + 16.0;
     let mut y = TOP + 10.0;
     for (number, line) in lines.iter().enumerate() {
         let _ = writeln!(svg, "<path d=\"M{left} {y:.1}h28\" stroke=\"{}\" stroke-width=\"2\"/>", colour(number));
         symbol(svg, (left + 14.0, y), number, false);
-        let mut parts = line.method.split('+');
-        text(svg, (left + 36.0, y + 4.5), "", parts.next().unwrap_or_default());
-        for setting in parts {
+        let (name, settings) = match line.method.split_once('+') {
+            Some(parts) if line.method.len() > MOST_LETTERS => parts,
+            _ => (&line.method[..], ""),
+        };
+        text(svg, (left + 36.0, y + 4.5), "", name);
+        for setting in settings.split_terminator('+') {
             y += LINE_HEIGHT;
             text(svg, (left + 36.0, y + 4.0), SMALL, &format!("+ {setting}"));
         }
@@ -293,10 +299,22 @@ mod tests {
         assert_eq!(svg.matches("fill=\"#ffffff\" stroke=\"#0072b2\"").count(), 1, "one of the two points");
         assert_eq!(svg.matches("<polyline").count(), 2, "plain and robust");
         assert!(svg.contains(">path</text>"), "the legend");
+    }
 
-        let paper = Record { method: "reproject+coverage=rect+trail=all".into(), ..record(1.0, 0.1) };
-        let svg = draw(&Texts { title: "a", notes: &[], own: None }, &super::super::lines::lines(&[paper], "a"));
-        for words in ["reproject", "+ coverage=rect", "+ trail=all"] {
+    #[test]
+    fn settings_that_are_too_wide_have_rows_of_their_own() {
+        let record = |method: &str| Record {
+            scene: "a".into(),
+            method: method.into(),
+            quality: 1.0,
+            seconds: 1.0,
+            relmse: 0.1,
+            robust: 0.1,
+            ..Record::default()
+        };
+        let records = ["reproject+verify=0", "reproject+coverage=rect+trail=all"].map(record);
+        let svg = draw(&Texts { title: "a", notes: &[], own: None }, &lines(&records, "a"));
+        for words in ["reproject+verify=0", "reproject", "+ coverage=rect", "+ trail=all"] {
             assert!(svg.contains(&format!(">{words}</text>")), "{words} has a row of its own");
         }
     }

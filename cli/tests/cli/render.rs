@@ -232,7 +232,7 @@ fn an_error_that_is_asked_for_is_estimated_in_a_channel() {
     let words = "render ball.toml --size=8x8 --error=0.5 --out=b.exr --stats=b.json";
     let run = freelux_words(folder.path(), words);
     let told = &run.expect_done().stderr;
-    assert!(told.contains(" passes: within ") && told.contains("% of the pixels, 50 % asked"), "{told}");
+    assert!(told.contains(" passes: within ") && told.contains("% of the pixels, 50.000 % asked"), "{told}");
     let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join("b.json")).unwrap()).unwrap();
     let command = json["command"].as_str().unwrap();
     assert!(command.contains("--error=0.5") && !command.contains("--spp"), "{command}");

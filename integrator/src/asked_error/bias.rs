@@ -4,7 +4,7 @@
 //! others the quieter half and the noisier half are told apart. In each class all pixels that paths verify count alike:
 //! weights by their noise would favour those that have no bias, and those whose paths missed what is bright.
 
-use super::Z_SQ;
+use super::{CAUTION, Z_SQ};
 
 /// What paths found at one pixel.
 #[derive(Debug, Clone, Copy)]
@@ -38,8 +38,9 @@ pub(super) struct ClassBias {
 const ROUNDING_SQ: f32 = 1e-12;
 
 impl Bias {
-    /// Returns what `terms`, of pixels from all over the picture, tell.
-    pub(super) fn new(terms: Vec<Term>) -> Self {
+    /// Returns what `terms`, of pixels from all over the picture, tell; those that are not finite tell nothing.
+    pub(super) fn new(mut terms: Vec<Term>) -> Self {
+        terms.retain(|term| term.noise_sq.is_finite() && term.bias_sq.is_finite());
         let mut noisy: Vec<f32> = terms.iter().map(|term| term.noise_sq).filter(|&noise| noise > ROUNDING_SQ).collect();
         noisy.sort_unstable_by(f32::total_cmp);
         let median = noisy.get(noisy.len() / 2).copied().unwrap_or(ROUNDING_SQ);
@@ -89,18 +90,7 @@ impl ClassBias {
     /// What the mean square may well be, that and one standard error; but what is hardly known is not to keep the error
     /// from being reached that was `asked`.
     pub(super) fn most(&self, asked: f32) -> f32 {
-        self.sq + self.caution(asked)
-    }
-
-    /// What [`Self::most`] will be if more paths find as little as may be.
-    pub(super) fn hoped(&self, asked: f32) -> f32 {
-        self.least() + self.caution(asked)
-    }
-
-    fn caution(&self, asked: f32) -> f32 {
-        /// The standard error is at most this share of what may be.
-        const CAUTION: f32 = 0.25;
-        self.error.min(CAUTION * asked * asked / Z_SQ)
+        self.sq + self.error.min(CAUTION * asked * asked / Z_SQ)
     }
 
     /// What it is at least, in all likelihood.

@@ -28,15 +28,15 @@ use scene::Scene;
 
 use self::bias::Bias;
 use self::controls::{CONTROL_SHARE, Controls, OPEN_SHARE};
-use self::passes::Passes;
+use self::passes::{Measure, Passes};
 pub use self::pixel::{PixelEstimate, estimate_pixel};
 use crate::{Method, Progress, QUALITY_RANGE, Rendering, Settings, SettingsError, Statistics};
 
 /// Least and greatest relative error that may be asked for.
 pub const ERROR_RANGE: (f32, f32) = (0.001, 1.0);
 
-/// Share of the pixels whose error must be as small as was asked.
-const WANTED_SHARE: f32 = 0.95;
+/// Of the pixels, whose error must be as small as was asked.
+const WANTED_PERCENT: usize = 95;
 /// Passes of one quality: four make a round. The first round takes about the time of a picture of the quality of the
 /// settings.
 const PASSES: u32 = 4;
@@ -45,6 +45,8 @@ const Z_SQ: f32 = 1.96 * 1.96;
 /// A round has at most so many times the quality of the one before, for what few passes tell of their error is rough;
 /// and at least that part of it.
 const GROWTH: f32 = 4.0;
+/// What is hardly known of the bias counts as no more than this share of what may be.
+const CAUTION: f32 = 0.25;
 /// A round brings so many times what is missing, as the next estimate may say that a little more is.
 const MARGIN: f32 = 1.1;
 const MAX_ROUNDS: u32 = 12;
@@ -84,7 +86,7 @@ impl ErrorEstimate {
 
 /// Makes a picture whose relative error is at most `error` in 95 % of the pixels, as far as it can tell: see
 /// [`ErrorEstimate`]. The settings' quality is that of the first round of passes; `spp` is ignored. Deterministic, as
-/// [`render`](crate::render). `progress` tells of each pass as that does; `told` hears the estimate after each round, the
+/// [`render`](crate::render). `progress` tells of each pass as that does; `tell` hears the estimate after each round, the
 /// last one included.
 ///
 /// # Errors
@@ -109,8 +111,8 @@ impl ErrorEstimate {
 ///     ..Description::default()
 /// })?;
 /// let settings = Settings { size: UVec2::splat(16), ..Settings::default() };
-/// let told = |so_far: &ErrorEstimate| println!("{} passes: {} in 95 % of the pixels", so_far.passes, so_far.reached());
-/// let (rendering, estimate) = render_to_error(&scene, &settings, 0.05, &|_| (), &told)?;
+/// let tell = |so_far: &ErrorEstimate| println!("{} passes: {} in 95 % of the pixels", so_far.passes, so_far.reached());
+/// let (rendering, estimate) = render_to_error(&scene, &settings, 0.05, &|_| (), &tell)?;
 /// assert!(estimate.is_reached && estimate.share >= 0.95 && estimate.reached() <= 0.05);
 /// assert_eq!(estimate.relative.len(), rendering.film.pixel_count());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -120,7 +122,7 @@ pub fn render_to_error(
     settings: &Settings,
     error: f32,
     progress: &(dyn Fn(Progress) + Sync),
-    told: &dyn Fn(&ErrorEstimate),
+    tell: &dyn Fn(&ErrorEstimate),
 ) -> Result<(Rendering, ErrorEstimate), SettingsError> {
     settings.validate()?;
     // Written so that NaN is refused.
@@ -132,9 +134,9 @@ pub fn render_to_error(
     let mut passes = Passes::new(settings.size);
     let mut controls = Controls::new(settings);
     let mut statistics = Statistics::default();
-    let (least, most_quality) = QUALITY_RANGE;
+    let (least, most) = QUALITY_RANGE;
     let mut quality = (settings.quality / PASSES as f32).max(least);
-    let (mut round, mut stalled, mut last_bias) = (0, 0, f32::INFINITY);
+    let (mut round, mut stalled, mut has_grown, mut last_bias) = (0, 0, false, f32::INFINITY);
     loop {
         round += 1;
         passes.add_round(scene, &pass, quality, &mut statistics, progress)?;
@@ -156,32 +158,41 @@ pub fn render_to_error(
             progress(Progress { phase: "verify", done: 1.0 });
         }
         let estimate = measure.estimate(&bias, error, passes.count);
-        told(&estimate);
+        tell(&estimate);
         let is_hopeless = measure.excess(|noise_sq| bias.of(noise_sq).least(), HOPELESS * error).is_infinite();
-        stalled = if is_hopeless && estimate.bias > STALLED * last_bias { stalled + 1 } else { 0 };
+        if !is_hopeless || estimate.bias <= STALLED * last_bias {
+            stalled = 0;
+        } else if has_grown {
+            stalled += 1;
+        }
         last_bias = estimate.bias;
-        if estimate.is_reached || round == MAX_ROUNDS || quality >= most_quality || stalled == MAX_STALLED {
+        if estimate.is_reached || round == MAX_ROUNDS || quality >= most || stalled == MAX_STALLED {
             statistics.render_seconds = start.elapsed().as_secs_f64();
             let Passes { film, records, .. } = passes;
             return Ok((Rendering { film, statistics, records }, estimate));
         }
-        // What bias is left only better passes take away; what is not known of it the paths of the next round may tell,
-        // of which there are the more the larger that is.
-        let most = measure.excess(|noise_sq| bias.of(noise_sq).most(error), error);
-        let (excess, shrink) = if most.is_finite() {
-            (most, GROWTH)
-        } else {
-            (measure.excess(|noise_sq| bias.of(noise_sq).hoped(error), error), 1.0)
-        };
-        let missing = passes.weight * (MARGIN * excess - 1.0) / PASSES as f32;
-        quality = missing.clamp(quality / shrink, GROWTH * quality).clamp(least, most_quality);
+        let next = next_quality(&measure, &bias, error, passes.weight / PASSES as f32, quality);
+        has_grown = next >= GROWTH * quality;
+        quality = next.clamp(least, most);
     }
 }
 
-/// The least value that all but 5 % of these are at most; at least one.
+/// The quality of the round after one of quality `last`, where all rounds have `so_far` together. Noise is averaged away,
+/// and bias only better passes take away. But what is not known of the bias paths tell, of which there may be twice as
+/// many once the passes have taken twice the rays.
+fn next_quality(measure: &Measure, bias: &Bias, asked: f32, so_far: f32, last: f32) -> f32 {
+    /// Noise is planned for what paths may find where what they do not know makes more work than this.
+    const UNKNOWN: f32 = 2.0;
+    let most = measure.excess(|noise_sq| bias.of(noise_sq).most(asked), asked);
+    let hoped = measure.excess(|noise_sq| bias.of(noise_sq).least(), asked) / (1.0 - CAUTION);
+    let missing = |excess: f32| so_far * (MARGIN * excess - 1.0);
+    let wanted = if most <= UNKNOWN * hoped { missing(most) } else { missing(hoped).max(so_far) };
+    wanted.clamp(last / GROWTH, GROWTH * last)
+}
+
+/// The least value that 95 % of these do not exceed.
 fn at_wanted_share(mut values: Vec<f32>) -> f32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length")]
-    let place = (WANTED_SHARE * (values.len() - 1) as f32).ceil() as usize;
+    let place = (values.len() * WANTED_PERCENT).div_ceil(100) - 1;
     *values.select_nth_unstable_by(place, f32::total_cmp).1
 }
 
@@ -215,6 +226,17 @@ mod tests {
         passes
     }
 
+    /// A bias with this mean square and this standard error of that, as shares of what is `asked`.
+    fn bias(asked: f32, sq: f64, error: f64) -> Bias {
+        let asked_sq = f64::from(asked * asked / Z_SQ);
+        let term = |number: u32| {
+            // The standard error is 1/sqrt(255) of the deviation.
+            let deviation = if number.is_multiple_of(2) { 255f64.sqrt() } else { -(255f64.sqrt()) };
+            Term { noise_sq: 1e-3, bias_sq: asked_sq * (sq + error * deviation) }
+        };
+        Bias::new((0..256).map(term).collect())
+    }
+
     #[test]
     fn one_pixel_of_twenty_is_farther_off_than_it_says() {
         for weights in [&[1.0; 4][..], &[1.0; 16], &[1.0, 1.0, 1.0, 1.0, 4.0, 4.0, 4.0, 4.0]] {
@@ -241,20 +263,39 @@ mod tests {
     #[test]
     fn paths_decide_only_where_they_know_too_little() {
         let measure = noisy(UVec2::splat(64), &[1.0; 16]).measure();
-        // A mean square of the bias and its standard error, as shares of what was asked.
-        let is_open = |asked: f32, sq: f64, error: f64| {
-            let asked_sq = f64::from(asked * asked / Z_SQ);
-            let bias_sq =
-                |number: u32| asked_sq * (sq + error * 16.0 * if number.is_multiple_of(2) { 1.0 } else { -1.0 });
-            measure.is_open(
-                &Bias::new((0..256).map(|number| Term { noise_sq: 1e-3, bias_sq: bias_sq(number) }).collect()),
-                asked,
-            )
-        };
+        let is_open = |asked: f32, sq, error| measure.is_open(&bias(asked, sq, error), asked);
         assert!(is_open(0.1, 0.9, 0.5), "it may be well below");
         assert!(!is_open(0.1, 0.1, 0.5), "it is reached");
         assert!(!is_open(0.1, 1.5, 0.1), "there is too much");
         assert!(!is_open(0.02, 0.9, 0.5), "there is too much noise");
+    }
+
+    #[test]
+    fn the_next_round_brings_what_is_missing() {
+        let measure = noisy(UVec2::splat(64), &[1.0; 16]).measure();
+        // So much noise that half as many passes would do, and four times as many would.
+        let [half, four] = [0.5f32, 4.0].map(|times| measure.excess(|_| 0.0, 0.1).sqrt() * 0.1 / times.sqrt());
+        let next = |asked: f32, sq, error| next_quality(&measure, &bias(asked, sq, error), asked, 4.0, 2.0);
+        let is_about = |quality: f32, known: f32| (quality / known - 1.0).abs() < 0.01;
+        assert!(is_about(next(four, 0.0, 0.0), 8.0), "{}: 13.6, but at most four times the last", next(four, 0.0, 0.0));
+        assert!(is_about(next(half, 0.45, 0.0), 0.5), "{}: nothing, but a quarter", next(half, 0.45, 0.0));
+        assert!(is_about(next(half, 1.5, 0.1), 8.0), "{}: only better ones help", next(half, 1.5, 0.1));
+        assert!(is_about(next(half, 0.9, 0.8), 4.0), "{}: as much again, for paths", next(half, 0.9, 0.8));
+        let certain = next(half, 0.74, 0.0);
+        assert!(
+            is_about(certain, 4.0 * (1.1 * 0.5 / 0.26 - 1.0)),
+            "{certain}: the noise that the bias leaves room for"
+        );
+        let cliff = [0.99, 1.01].map(|most| next(half, most - 0.25, 0.5));
+        assert!(is_about(cliff[0], cliff[1]), "{cliff:?}: nothing hangs on whether there is hope by a hair");
+    }
+
+    #[test]
+    fn of_twenty_pixels_one_may_exceed() {
+        for (count, place) in [(1u16, 0u16), (19, 18), (20, 18), (21, 19), (400, 379)] {
+            let values = (0..count).map(|value| f32::from(count - 1 - value)).collect();
+            assert_eq!(at_wanted_share(values), f32::from(place), "of {count}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use scene::Scene;
 
 use super::bias::{Bias, ClassBias};
-use super::{ErrorEstimate, PASSES, WANTED_SHARE, Z_SQ, at_wanted_share, student};
+use super::{ErrorEstimate, PASSES, Z_SQ, at_wanted_share, student};
 use crate::allocation::neighbours;
 use crate::sampler::hash_pair;
 use crate::{Film, Progress, RecordPoint, Rendering, Settings, SettingsError, Statistics, metrics, render};
@@ -94,6 +94,9 @@ impl Passes {
             let scale_sq = m * m + floor_sq;
             let spread = (value_sq - 2.0 * m * value + m * m * self.weight_sq).max(0.0);
             let variance = spread / (weight * weight) * alike / (alike - 1.0);
+            // A pixel that is not finite is as far off as can be.
+            let variance = if scale_sq.is_finite() { variance } else { f64::INFINITY };
+            let scale_sq = if scale_sq.is_finite() { scale_sq } else { 1.0 };
             #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
             let single = (scale_sq.sqrt() as f32, (variance / scale_sq) as f32);
             single
@@ -114,7 +117,8 @@ impl Measure {
         let relative: Vec<f32> = self.noise_sq.iter().map(relative_sq).map(f32::sqrt).collect();
         let within = relative.iter().filter(|&&relative| relative <= asked).count();
         let share = within as f32 / relative.len() as f32;
-        ErrorEstimate { relative, share, bias: bias.mean_sq.sqrt(), passes, is_reached: share >= WANTED_SHARE }
+        let is_reached = at_wanted_share(relative.clone()) <= asked;
+        ErrorEstimate { relative, share, bias: bias.mean_sq.sqrt(), passes, is_reached }
     }
 
     /// How many times less noise all but 5 % of the pixels would have to have beside a bias of this mean square, which
