@@ -70,7 +70,7 @@ impl Term {
 /// What an EXR tells about its making.
 #[derive(Debug)]
 pub(crate) struct Origin<'a> {
-    /// The command with all that changes the picture, and nothing that does not.
+    /// The command with all that decides the picture, as it was given, and nothing else.
     pub(crate) command: &'a str,
     /// The seed.
     pub(crate) seed: u64,

@@ -204,8 +204,8 @@ impl RenderArgs {
         Ok(())
     }
 
-    /// The command with all that changes the picture: threads, names of outputs and the like are left out, so that the
-    /// same picture has the same bytes.
+    /// The command with all that decides the picture, as it was given: threads, names of outputs and the like are left
+    /// out, so that they do not change the bytes.
     fn command(&self, settings: &Settings) -> String {
         let mut words = vec!["freelux render".to_owned()];
         let mut add = |name: &str, value: Option<String>| {

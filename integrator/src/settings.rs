@@ -70,8 +70,8 @@ pub struct Settings {
     /// One number for speed against accuracy, in [0.001, 1000]: four times the quality takes about three times the
     /// time, below 1 twice; by [`Method::Path`] four times.
     pub quality: f32,
-    /// Primary samples a pixel, in [1, 2^20]: exactly so many by [`Method::Path`], in the mean by the others, which
-    /// take more where there is noise. Where it is `None`, `quality` decides.
+    /// Primary samples a pixel, in [1, 2^20]: exactly so many by [`Method::Path`]. The others take about as many
+    /// rays as so many everywhere would, more of them where there is noise. Where it is `None`, `quality` decides.
     pub spp: Option<u32>,
     /// Width and height, pixels: each in [1, 16384], together at most 2^28.
     pub size: UVec2,

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use glam::UVec2;
+use integrator::SettingsError;
 use integrator::metrics::Reference;
 
 use self::record::Record;
@@ -128,7 +129,10 @@ impl ChartArgs {
         for &quality in &qualities {
             let size = self.size.unwrap_or(DEFAULT_SIZE);
             let settings = integrator::Settings { quality, size, ..integrator::Settings::default() };
-            settings.validate().map_err(|error| Failure::Input(format!("--{error}")))?;
+            settings.validate().map_err(|error| match error {
+                SettingsError::Quality(_) => Failure::Input(format!("--qualities: {error}")),
+                _ => Failure::Input(format!("--{error}")),
+            })?;
         }
         if self.reference.is_some() && self.scenes.len() != 1 {
             return Err(Failure::Input("--reference is for one scene; name one".into()));

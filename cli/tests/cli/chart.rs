@@ -165,7 +165,7 @@ fn wrong_charts_are_refused_in_one_line() {
         ("chart one/scene.toml --out a --methods magic", "magic"),
         ("chart one/scene.toml --out a --methods path,path", "path stands there twice"),
         ("chart one/scene.toml --out a --methods path+speed=2", "--methods"),
-        ("chart one/scene.toml --out a --qualities 0", "quality 0"),
+        ("chart one/scene.toml --out a --qualities 0", "--qualities: quality 0"),
         ("chart one/scene.toml --out a --size 0x1", "size 0x1"),
         ("chart one/scene.toml --out a --repeat 0", "--repeat"),
         ("chart one/scene.toml two.toml --out a --reference r.exr", "--reference"),
